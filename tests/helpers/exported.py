@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from pdvol.store.reader import Run
+from pdvol.studio.export.usd import export
+
 Z_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from y upward
 
 
@@ -31,6 +34,11 @@ def opened(path: Path, level: int):
     stage = Usd.Stage.Open(str(path))
     stage.GetDefaultPrim().GetVariantSet("level").SetVariantSelection(f"level_{level}")
     return stage
+
+
+def write_usd(run: Run, levels: Sequence[int], out: Path, fps: float | None = None, fields=None) -> Path:
+    """The USD file of levels of a run, with these fields."""
+    return export(run, levels, out, fields, fps, fields is not None)[0]
 
 
 def read_usd(written: Sequence[Path], level: int, fps: float | None, flat: bool) -> dict[str, Seen]:

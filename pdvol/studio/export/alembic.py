@@ -14,7 +14,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.store.reader import Run
-from pdvol.store.series import LevelFields, Series
+from pdvol.store.series import LevelFields
 from pdvol.studio.export.files import written_aside
 from pdvol.studio.export.frames import FILM_RATE, Frame, Track, even_frames, points_and_velocities, said
 from pdvol.studio.export.normals import CornerNormals
@@ -25,28 +25,8 @@ from pdvol.studio.shown import upward_in_3d
 def export(
     run: Run, levels: Sequence[int], out: Path, fields: LevelFields, fps: float | None = None, surface: str = RENDER
 ) -> list[Path]:
-    """Write `out/level_<l>.abc` for each level. See `pdvol.studio.export`."""
-    return [write_alembic(run, level, out / f"level_{level}.abc", fps, surface) for level in levels]
-
-
-def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = None, surface: str = RENDER) -> Path:
-    """Export one level. It is written aside and renamed.
-
-    Parameters
-    ----------
-    run : Run
-    level : int
-    path : the .abc file
-    fps : frames a second, to which the motion is resampled (`pdvol.studio.export.frames`); every stored state when None
-    surface : that of `pdvol.studio.export.parts.body_parts`
-
-    Raises
-    ------
-    InputError
-        When the level does not exist or has no state, `fps` is not positive, or the package alembic3d is not
-        installed.
-    SimulationError
-        When the disk cannot be written.
+    """Write `out/level_<l>.abc` for each level: every stored state, or `fps` frames a second. See
+    `pdvol.studio.export`.
     """
     try:
         import alembic3d.Abc
@@ -54,19 +34,20 @@ def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = No
         raise InputError(
             "Alembic files need the package alembic3d: pip install alembic3d, or pdvol[alembic]; PC2 needs none"
         ) from error
-    path, series = Path(path), Series(run, level)
-    frames = [Frame(k, k, 1.0) for k in range(series.steps)] if fps is None else even_frames(series.steps, run.dt, fps)
     rate = 1.0 / run.dt if fps is None else fps
-    parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
-    samples = sum(len(part.rest) * (len(frames) if part.moves else 1) for part in parts)
-    with written_aside(path, 60 * samples + 12 * sum(len(part.corners) for part in parts)) as aside:
-        archive = alembic3d.Abc.CreateArchiveWithInfo(
-            str(aside), float(fps or FILM_RATE), "pdvol", f"{run.path.name}, level {level}"
-        )
-        tracks = [points_and_velocities(frames, part.at, rate) for part in parts]
-        _write_parts(archive, parts, tracks, said(f"level {level}", frames), rate, _y_up(upward_in_3d(run)))
-        del archive  # which writes the file
-    return path
+    paths = [out / f"level_{level}.abc" for level in levels]
+    for level, path in zip((run.levels[level] for level in levels), paths, strict=True):
+        stored = [Frame(k, k, 1.0) for k in range(level.steps)]
+        frames = stored if fps is None else even_frames(level.steps, run.dt, fps)
+        parts = [*body_parts(run, level, surface), *obstacle_parts(run, level)]
+        samples = sum(len(part.rest) * (len(frames) if part.moves else 1) for part in parts)
+        with written_aside(path, 60 * samples + 12 * sum(len(part.corners) for part in parts)) as aside:
+            title = f"{run.path.name}, level {level.index}"
+            archive = alembic3d.Abc.CreateArchiveWithInfo(str(aside), float(fps or FILM_RATE), "pdvol", title)
+            tracks = [points_and_velocities(frames, part.at, rate) for part in parts]
+            _write_parts(archive, parts, tracks, said(f"level {level.index}", frames), rate, _y_up(upward_in_3d(run)))
+            del archive  # which writes the file
+    return paths
 
 
 def _y_up(up: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ stands for the values that belong to the export.
 import errno
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -15,9 +15,7 @@ from typing import Any
 
 from pdvol.errors import SimulationError
 from pdvol.store.files import TEMPORARY, require_room, write_bytes
-from pdvol.store.reader import Run
 from pdvol.studio.export.parts import Part
-from pdvol.studio.shown import PALETTE, srgb_colour, upward_in_3d
 
 LONGEST_REASON = 160  # characters of a library's own message that fit into one line
 VALUES_LINE = "# <values>\n"  # of a script's text: the export's values take its place
@@ -90,19 +88,3 @@ def copy_texture(part: Part, folder: Path) -> str:
     except OSError as error:
         raise SimulationError(f"cannot write {file}: {error.strerror}") from error
     return f"{folder.name}/{file.name}"
-
-
-def write_paraview_script(run: Run, levels: Sequence[int], out: Path) -> Path:
-    """Write `out/open_in_paraview.py` for the files `level_<l>.xdmf`; the finest level is shown, others are hidden."""
-    names = [str(name) for name in run.info.get("bodies", [])]
-    colours = [tuple(round(part, 4) for part in srgb_colour(PALETTE[i % len(PALETTE)])) for i in range(len(names))]
-    up = upward_in_3d(run)
-    return write_script(
-        out,
-        "open_in_paraview",
-        LEVELS=sorted(levels),
-        BODIES=names,
-        COLOURS=colours,
-        UP=tuple(up.tolist()),
-        FLAT=run.levels[0].rest.shape[1] == 2,
-    )

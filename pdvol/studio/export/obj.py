@@ -18,36 +18,19 @@ LIBRARY = "materials.mtl"  # name of the file of materials beside the meshes
 
 
 def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields, surface: str = RENDER) -> list[Path]:
-    """Write `out/level_<l>/000000.obj` and so on; OBJ files hold no fields. See `pdvol.studio.export`."""
-    return [write_obj(run, level, out / f"level_{level}", surface) for level in levels]
-
-
-def write_obj(run: Run, level: int, folder: str | Path, surface: str = RENDER) -> Path:
-    """Export each stored step of one level as `folder/000000.obj`, `000001.obj` ...; each file is written aside and
-    renamed. Simulated surfaces come first, in the input's order, then render meshes, with their polygons and texture
-    coordinates; colours and textures are in `folder/materials.mtl` and `folder/textures`.
-
-    Returns
-    -------
-    Path
-        The folder.
-
-    Raises
-    ------
-    InputError
-        When the level does not exist or has no state.
-    SimulationError
-        When the disk cannot be written.
+    """Write `out/level_<l>/000000.obj`, `000001.obj` ..., a file a step, and materials beside them. Simulated surfaces
+    come first, in the input's order, then render meshes. OBJ files hold no fields. See `pdvol.studio.export`.
     """
-    folder, series = Path(folder), Series(run, level)
-    parts = body_parts(run, series.level, surface)
-    write_materials(parts, folder)
-    faces = face_lines(parts)
-    for step in range(series.steps):
-        series.say(step)
-        points = np.concatenate([part.at(step) for part in parts])
-        write_bytes(folder / f"{step:06d}.obj", obj_text(points, faces))
-    return folder
+    folders = [out / f"level_{level}" for level in levels]
+    for level, folder in zip(levels, folders, strict=True):
+        series = Series(run, level)
+        parts = body_parts(run, series.level, surface)
+        write_materials(parts, folder)
+        faces = face_lines(parts)
+        for step in range(series.steps):
+            series.say(step)
+            write_bytes(folder / f"{step:06d}.obj", obj_text(np.concatenate([part.at(step) for part in parts]), faces))
+    return folders
 
 
 def obj_text(points: np.ndarray, faces: str) -> bytes:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
-from pdvol.store.series import LevelFields, Series
+from pdvol.store.series import LevelFields
 from pdvol.studio.export.files import write_script, written_aside
 from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, said
 from pdvol.studio.export.obj import face_lines, obj_text, write_materials
@@ -30,40 +30,21 @@ PC2_START = struct.Struct("<12siiffi")  # the header of a PC2 file
 def export(
     run: Run, levels: Sequence[int], out: Path, fields: LevelFields, fps: float | None = None, surface: str = RENDER
 ) -> list[Path]:
-    """Write `out/level_<l>/` for each level, and `out/open_in_blender.py`. See `pdvol.studio.export`."""
-    rate = FILM_RATE if fps is None else fps
-    folders = [write_pc2(run, level, out / f"level_{level}", rate, surface) for level in levels]
-    up = tuple(upward_in_3d(run).tolist())
-    frames = max(len(even_frames(run.levels[level].steps, run.dt, rate)) for level in levels)
-    values = {"FPS": rate, "FRAMES": frames, "LEVEL": max(levels), "UP": up, "CREASE_ANGLE": CREASE_ANGLE}
-    return [*folders, write_script(out, "open_in_blender", **values)]
-
-
-def write_pc2(run: Run, level: int, folder: str | Path, fps: float = FILM_RATE, surface: str = RENDER) -> Path:
-    """Export one level, resampled to `fps` frames a second (`frames.py`); frame 0 is the start. `surface` is
-    that of `pdvol.studio.export.parts.body_parts`.
-
-    Returns
-    -------
-    Path
-        The folder.
-
-    Raises
-    ------
-    InputError
-        When the level does not exist or has no state, or `fps` is not positive.
-    SimulationError
-        When the disk cannot be written.
+    """Write `out/level_<l>/` for each level, resampled to `fps` frames a second, and `out/open_in_blender.py`. See
+    `pdvol.studio.export`.
     """
-    folder, series = Path(folder), Series(run, level)
-    frames = even_frames(series.steps, run.dt, fps)
-    parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
-    write_materials(parts, folder)
-    for part in parts:
-        write_bytes(folder / f"{part.name}.obj", obj_text(part.rest, face_lines([part])))
-        if part.moves:
-            _write_cache(folder / f"{part.name}.pc2", part, frames)
-    return folder
+    rate = FILM_RATE if fps is None else fps
+    frames = {level: even_frames(run.levels[level].steps, run.dt, rate) for level in levels}
+    folders = [out / f"level_{level}" for level in levels]
+    for level, folder in zip(levels, folders, strict=True):
+        parts = [*body_parts(run, run.levels[level], surface), *obstacle_parts(run, run.levels[level])]
+        write_materials(parts, folder)
+        for part in parts:
+            write_bytes(folder / f"{part.name}.obj", obj_text(part.rest, face_lines([part])))
+            if part.moves:
+                _write_cache(folder / f"{part.name}.pc2", part, frames[level])
+    values = {"FPS": rate, "FRAMES": max(map(len, frames.values())), "LEVEL": max(levels), "CREASE_ANGLE": CREASE_ANGLE}
+    return [*folders, write_script(out, "open_in_blender", UP=tuple(upward_in_3d(run).tolist()), **values)]
 
 
 def _write_cache(path: Path, part: Part, frames: Sequence[Frame]) -> None:

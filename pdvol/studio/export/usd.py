@@ -17,7 +17,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.store.reader import Run, RunLevel
-from pdvol.store.series import LevelFields, Series, with_strain
+from pdvol.store.series import LevelFields, with_strain
 from pdvol.studio.export.files import copy_texture
 from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, points_and_velocities, said, stored_frames
 from pdvol.studio.export.normals import CornerNormals
@@ -38,53 +38,25 @@ def export(
     with_fields: bool = False,
     surface: str = RENDER,
 ) -> list[Path]:
-    """Write all levels into `out/<run>.usdc`. See `pdvol.studio.export`."""
-    path = out / f"{run.path.resolve().name}.usdc"
-    return [write_usd(run, levels, path, fps, with_strain(run, fields) if with_fields else None, surface)]
+    """Write all levels into `out/<run>.usdc`. See `pdvol.studio.export`.
 
-
-def write_usd(
-    run: Run,
-    levels: Sequence[int],
-    path: str | Path,
-    fps: float | None = None,
-    fields: LevelFields | None = None,
-    surface: str = RENDER,
-) -> Path:
-    """Export levels as one .usdc file.
-
-    Parameters
-    ----------
-    run : Run
-    levels : sequence of int
-    path : the .usdc file
-    fps : frames a second, to which the motion is resampled (`frames.py`). When None every stored state has a
-        time code of its own, 24 a second: states are exact, and play at real speed.
-    fields : of levels, written as primvars: those of vertices by vertex, those of cells by face; not on render
-        meshes
-    surface : one of `registry.SHOWN_SURFACES`. Where both are written the render mesh has the purpose "render", the
-        simulated surface "proxy".
-
-    Raises
-    ------
-    InputError
-        When a level does not exist or has no state, `fps` is not positive, or the package usd-core is not installed.
-    SimulationError
-        When the disk cannot be written.
+    Without `fps` every stored state has a time code, 24 a second: states are exact, and play at real speed. Fields of
+    vertices are primvars by vertex, those of cells by face; render meshes have none. Where both surfaces are written
+    the render mesh has the purpose "render", the simulated one "proxy".
     """
     try:
         import pxr.Usd  # noqa: F401
     except ImportError as error:
         raise InputError("USD files need the package usd-core: pip install usd-core, or pdvol[usd]") from error
-    path, all_series = Path(path), [Series(run, level) for level in sorted(levels)]
+    path, chosen = out / f"{run.path.resolve().name}.usdc", [run.levels[level] for level in sorted(levels)]
+    more = with_strain(run, fields) if with_fields else None
     frames = [
-        stored_frames(series.steps, run.dt) if fps is None else even_frames(series.steps, run.dt, fps)
-        for series in all_series
+        stored_frames(level.steps, run.dt) if fps is None else even_frames(level.steps, run.dt, fps) for level in chosen
     ]
     rate, last = FILM_RATE if fps is None else fps, max(codes[-1].code for codes in frames)
     with usd_file(path) as file:
         root = _add_root(file.stage, run, rate, last)
-        coarsest = all_series[0].level
+        coarsest = chosen[0]
         for part in [*body_parts(run, coarsest, surface), *obstacle_parts(run, coarsest)]:
             _add_material(file.stage, part, copy_texture(part, path.with_name(f"{path.stem}_textures")))
             if not part.moves:
@@ -92,12 +64,12 @@ def write_usd(
                 _set_points(mesh, part.rest)
                 add_normals(mesh, CornerNormals(part), part.rest)
         variants = root.GetPrim().GetVariantSets().AddVariantSet("level")
-        for series, codes in zip(all_series, frames, strict=True):
-            variants.AddVariant(f"level_{series.level.index}")
-            variants.SetVariantSelection(f"level_{series.level.index}")
+        for level, codes in zip(chosen, frames, strict=True):
+            variants.AddVariant(f"level_{level.index}")
+            variants.SetVariantSelection(f"level_{level.index}")
             with variants.GetVariantEditContext():
-                _add_level(file, run, series.level, codes, rate, fields, surface)
-    return path
+                _add_level(file, run, level, codes, rate, more, surface)
+    return [path]
 
 
 def _add_level(
@@ -166,29 +138,29 @@ def _add_material(stage: Any, part: Part, texture: str) -> None:
     """A material of the part's colour or, where it has one, its texture, by the path from the file."""
     from pxr import Gf, Sdf, UsdShade
 
+    types = Sdf.ValueTypeNames
+
+    def shader(name: str, kind: str, **inputs: tuple[Any, Any]) -> Any:
+        made = UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/{name}")
+        made.CreateIdAttr(kind)
+        for key, (type_, value) in inputs.items():
+            made.CreateInput(key, type_).Set(value)
+        return made
+
     material = UsdShade.Material.Define(stage, f"/run/materials/{part.name}")
-    shader = UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/surface")
-    shader.CreateIdAttr("UsdPreviewSurface")
-    diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    shown = {"roughness": (types.Float, ROUGHNESS), "opacity": (types.Float, part.opacity)}
+    surface = shader("surface", "UsdPreviewSurface", **shown)
+    diffuse = surface.CreateInput("diffuseColor", types.Color3f)
     if texture:
-        place, picture = (
-            UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/{name}") for name in ("place", "texture")
-        )
-        place.CreateIdAttr("UsdPrimvarReader_float2")
-        place.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
-        picture.CreateIdAttr("UsdUVTexture")
-        picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(f"./{texture}"))
-        picture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
-        for side in ("wrapS", "wrapT"):
-            picture.CreateInput(side, Sdf.ValueTypeNames.Token).Set("repeat")
-        result = place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-        picture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(result)
-        diffuse.ConnectToSource(picture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+        place = shader("place", "UsdPrimvarReader_float2", varname=(types.String, "st"))
+        wraps = dict.fromkeys(("wrapS", "wrapT"), (types.Token, "repeat"))
+        image = {"file": (types.Asset, Sdf.AssetPath(f"./{texture}")), "sourceColorSpace": (types.Token, "sRGB")}
+        picture = shader("texture", "UsdUVTexture", **image, **wraps)
+        picture.CreateInput("st", types.Float2).ConnectToSource(place.CreateOutput("result", types.Float2))
+        diffuse.ConnectToSource(picture.CreateOutput("rgb", types.Float3))
     else:
         diffuse.Set(Gf.Vec3f(*linear_colour(part.colour)))
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
-    shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).Set(part.opacity)
-    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
 
 
 def _add_mesh(stage: Any, part: Part) -> Any:

@@ -17,7 +17,8 @@ from pdvol.errors import InputError
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 from pdvol.store.series import Fields, LevelFields, Series, nothing_more
-from pdvol.studio.export.files import write_paraview_script, written_aside
+from pdvol.studio.export.files import write_script, written_aside
+from pdvol.studio.shown import PALETTE, srgb_colour, upward_in_3d
 
 _NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 
@@ -25,7 +26,10 @@ _NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
     """Write `out/level_<l>.xdmf`, its `.h5` file, and `out/open_in_paraview.py`. See `pdvol.studio.export`."""
     written = [write_xdmf(run, level, out / f"level_{level}.xdmf", fields(level)) for level in levels]
-    return [*written, write_paraview_script(run, levels, out)]
+    names = [str(name) for name in run.info.get("bodies", [])]
+    colours = [tuple(round(part, 4) for part in srgb_colour(PALETTE[i % len(PALETTE)])) for i in range(len(names))]
+    values = {"LEVELS": sorted(levels), "BODIES": names, "COLOURS": colours, "UP": tuple(upward_in_3d(run).tolist())}
+    return [*written, write_script(out, "open_in_paraview", FLAT=run.levels[0].rest.shape[1] == 2, **values)]
 
 
 def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:

@@ -15,13 +15,13 @@ from PIL import Image
 
 import runs
 from commands import SAFETY
+from exported import write_usd
 from pdvol.geometry.level_mesh import vertex_strain
 from pdvol.store.reader import open_run
-from pdvol.store.series import StepFields, with_strain
+from pdvol.store.series import StepFields
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.frames import even_frames
-from pdvol.studio.export.usd import write_usd
 from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, linear_colour
 from rendered import entry_of, grown_box
 from shapes import box, together
@@ -119,7 +119,7 @@ def compare_fields(found: dict, run, rate: float) -> None:
 @pytest.mark.parametrize("fps", [None, 30.0])
 def test_usd(half_second, tmp_path, fps):
     run = open_run(half_second)
-    file = write_usd(run, [0, 1], tmp_path / "a.usdc", fps, with_strain(run, made_up_fields(run)))
+    file = write_usd(run, [0, 1], tmp_path / "a", fps, made_up_fields(run))
     found = in_blender("usd", file, "--fields", "--picture", tmp_path / "frame.png")
     rate = fps or 24.0
     # Blender 5.0 takes the frames of a file and keeps the rate of its scene, which is 24 at first.

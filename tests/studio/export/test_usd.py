@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 import runs
-from exported import opened
+from exported import opened, write_usd
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
-from pdvol.store.series import StepFields, nothing_more, with_strain
+from pdvol.store.series import StepFields, nothing_more
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.frames import even_frames
 from pdvol.studio.export.parts import plain_names
-from pdvol.studio.export.usd import write_usd
 from pdvol.studio.shown import OBSTACLE, PALETTE, linear_colour
 
 pytest.importorskip("pxr", reason="usd-core is an optional extra")
@@ -46,7 +45,7 @@ def test_levels_are_variants_with_their_rest_state(solid_run, tmp_path):
 @pytest.mark.parametrize("fps", [None, 30.0])
 def test_no_validator_of_openusd_finds_anything(kind, fps, request, tmp_path):
     run = open_run(request.getfixturevalue(kind))
-    file = write_usd(run, [0, 1], tmp_path / "a.usdc", fps, with_strain(run, lambda level: nothing_more))
+    file = write_usd(run, [0, 1], tmp_path / "a", fps, lambda level: nothing_more)
     UsdValidation = pytest.importorskip("pxr.UsdValidation", reason="usd-core before 25 has no validators")
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert len(validators) > 20
@@ -78,7 +77,7 @@ def test_an_obstacle_that_contact_held_back_is_where_it_was(small_run, tmp_path)
     with RunWriter.open(small_run) as writer:
         writer.write_obstacles([{"name": "lift", "kind": "plane", **moving}])
     np.savez(small_run / "levels" / "0" / "late_000003.npz", **held)
-    path = write_usd(open_run(small_run), [0, 1], tmp_path / "a.usdc")
+    path = write_usd(open_run(small_run), [0, 1], tmp_path / "a")
     for level, step, height in ((0, 2, -0.01), (0, 3, -0.4), (1, 3, -0.01)):
         code = step * runs.DT * RATE
         assert points(opened(path, level), "obstacles/lift", code)[:, 1].max() == pytest.approx(height)
@@ -106,7 +105,7 @@ def test_fields_as_primvars(kind, request, tmp_path):
     def fields(index):
         return lambda step: StepFields({"contact_force": step * force}, {"von_mises": step * np.arange(m) * 1.0})
 
-    stage = opened(write_usd(run, [1], tmp_path / "a.usdc", 1 / run.dt, fields), 1)
+    stage = opened(write_usd(run, [1], tmp_path / "a", 1 / run.dt, fields), 1)
     facets = level.surface if d == 3 else level.cells
     owners = level.mesh.point_bodies[facets[:, 0]]
     for body, name in enumerate(run.info["bodies"]):
@@ -124,7 +123,7 @@ def test_fields_as_primvars(kind, request, tmp_path):
 def test_upward_in_the_run_is_upward_in_the_stage(solid_run, tmp_path, up, axis):
     run = open_run(solid_run)
     run.info = {**run.info, "up": list(up)}
-    stage = opened(write_usd(run, [0], tmp_path / "a.usdc"), 0)
+    stage = opened(write_usd(run, [0], tmp_path / "a"), 0)
     assert UsdGeom.GetStageUpAxis(stage) == axis and UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     matrix = UsdGeom.Xformable(stage.GetDefaultPrim()).ComputeLocalToWorldTransform(0)
     nearest = np.zeros(3)
@@ -140,7 +139,7 @@ def test_names_of_prims_are_legal_and_different(solid_run, tmp_path):
     run = open_run(solid_run)
     info = json.loads((solid_run / "run.json").read_text())
     run.info = {**info, "bodies": ["ground", "../ball"]}
-    stage = opened(write_usd(run, [0], tmp_path / "a.usdc"), 0)
+    stage = opened(write_usd(run, [0], tmp_path / "a"), 0)
     children = {prim.GetName(): prim.GetDisplayName() for prim in stage.GetPrimAtPath("/run/obstacles").GetChildren()}
     assert children == {"ground_1": "ground", "ball": "ball", "ball_1": "ball"}
     bodies = {prim.GetName(): prim.GetDisplayName() for prim in stage.GetPrimAtPath("/run/bodies").GetChildren()}

@@ -12,11 +12,11 @@ import pytest
 
 import runs
 from commands import SAFETY
+from exported import write_usd
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.reader import open_run
 from pdvol.studio.export import usd_file
 from pdvol.studio.export.exports import export_run
-from pdvol.studio.export.usd import write_usd
 
 pytest.importorskip("pxr", reason="usd-core is an optional extra")
 from pxr import Sdf, Usd, UsdGeom
@@ -79,14 +79,14 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path):
 
 def test_a_file_saved_in_pieces_holds_what_one_saved_at_once_holds(solid_run, tmp_path, monkeypatch):
     run = open_run(solid_run)
-    pieces, saves = tmp_path / "pieces.usdc", []
+    saves = []
     save = usd_file.UsdFile.save
     with monkeypatch.context() as patch:
         patch.setattr(usd_file, "UNSAVED_BYTES", 1)
         patch.setattr(usd_file.UsdFile, "save", lambda file: saves.append(save(file)))
-        write_usd(run, [0, 1], pieces)
+        pieces = write_usd(run, [0, 1], tmp_path / "pieces")
     assert len(saves) > 2 * 5 * 3, "after each mesh of each frame"
-    at_once = write_usd(run, [0, 1], tmp_path / "at_once.usdc")
+    at_once = write_usd(run, [0, 1], tmp_path / "at_once")
     texts = [Sdf.Layer.FindOrOpen(str(path)).ExportToString() for path in (pieces, at_once)]
     assert texts[0] == texts[1] and len(texts[0]) > 100_000
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import runs
+from exported import write_usd
 from pdvol.store.reader import open_run
 from pdvol.studio.export.frames import even_frames, points_and_velocities, stored_frames
-from pdvol.studio.export.usd import write_usd
 
 pytest.importorskip("pxr", reason="usd-core is an optional extra")
 from pxr import Usd, UsdGeom
@@ -24,7 +24,7 @@ def moved(mesh: UsdGeom.Mesh, time: float) -> np.ndarray:
 @pytest.mark.parametrize("fps", [None, 24.0, 30.0, 125.0])
 def test_points_between_frames_lie_on_the_way_to_the_next_one(fps, solid_run, tmp_path):
     run = open_run(solid_run)
-    stage = Usd.Stage.Open(str(write_usd(run, [0], tmp_path / "a.usdc", fps)))
+    stage = Usd.Stage.Open(str(write_usd(run, [0], tmp_path / "a", fps)))
     steps = run.levels[0].steps
     codes = [frame.code for frame in (stored_frames(steps, run.dt) if fps is None else even_frames(steps, run.dt, fps))]
     assert len(codes) > 1
@@ -61,7 +61,7 @@ def test_each_state_is_asked_for_once_and_one_frame_alone_has_no_velocities():
 
 
 def test_a_run_of_one_state_is_a_still(tmp_path):
-    path = write_usd(open_run(runs.stored_run(tmp_path / "run", 3, (60,), 0)), [0], tmp_path / "a.usdc")
+    path = write_usd(open_run(runs.stored_run(tmp_path / "run", 3, (60,), 0)), [0], tmp_path / "a")
     stage = Usd.Stage.Open(str(path))
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/run/bodies/left"))
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, 0)

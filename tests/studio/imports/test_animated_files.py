@@ -13,7 +13,7 @@ from pdvol import Placement, PointCache
 from pdvol.errors import InputError
 from pdvol.meshing.point_caches import cached_surface, read_frames
 from pdvol.store.reader import open_run
-from pdvol.studio.export.alembic import write_alembic
+from pdvol.studio.export.exports import export_run
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.5, 0]], dtype=float)
 FACES = [[0, 1, 2, 3], [1, 4, 2]]  # counter-clockwise as seen from +z
@@ -113,7 +113,8 @@ def test_an_alembic_export_of_a_run_is_read_back(tmp_path):
     pytest.importorskip("alembic3d", reason="alembic3d is an optional extra")
     run = open_run(runs.stored_run(tmp_path / "run", 3, (60,), 5))
     level = run.levels[0]
-    frames = read_frames(PointCache(write_alembic(run, 0, tmp_path / "a.abc"), prim="/left/leftShape"))
+    ((file,), _) = export_run(run.path, "alembic", tmp_path / "out")
+    frames = read_frames(PointCache(file, prim="/left/leftShape"))
     mine = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == 0]
     used, faces = np.unique(mine, return_inverse=True)
     np.testing.assert_allclose(frames.times, run.dt * np.arange(6), atol=1e-9)

@@ -114,7 +114,7 @@ class Section:
     def plain(self, key: str, default: _Value) -> _Value:
         """True or false, a whole number, or any number, as the default is."""
         value, kind = self.get(key, default), type(default)
-        if not _is_a(value, kind):
+        if not is_a(value, kind):
             self.refuse(key, f"only {_WORDS[kind]} is understood here")
             return default
         return kind(value)
@@ -123,7 +123,7 @@ class Section:
         """The whole numbers of a list; a single one may stand without its list."""
         value = self.get(key, default)
         listed = value if isinstance(value, list) else [value]
-        if not all(_is_a(number, int) for number in listed):
+        if not all(is_a(number, int) for number in listed):
             self.refuse(key, lack)
             return []
         return listed
@@ -172,7 +172,7 @@ class Section:
                 self.refuse(key, "pdvol has no counterpart of this key")
 
 
-def _is_a(value: Any, kind: type) -> bool:
+def is_a(value: Any, kind: type) -> bool:
     """Whether a value of the JSON is of a kind; whole numbers are numbers, and true and false are none."""
     return isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
 

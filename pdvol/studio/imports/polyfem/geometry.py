@@ -1,6 +1,5 @@
 """Meshes of a PolyFEM scene: read, normalised, transformed and refined in PolyFEM's order."""
 
-import math
 import re
 from dataclasses import dataclass
 from glob import glob
@@ -8,7 +7,6 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved, oriented
@@ -16,11 +14,13 @@ from pdvol.geometry.level_mesh import boundary_facets, simplex_centres
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import PointCache
-from pdvol.studio.imports.polyfem.document import Section
+from pdvol.scene.motions import rotation_matrix
+from pdvol.studio.imports.polyfem.document import Section, is_a
 from pdvol.studio.imports.polyfem.selections import UNSELECTED, Selection, numbers_at, read_selections
 
 MOST_REFINEMENTS = 6  # uniform refinements of a mesh: more are a typing error
 MOST_COPIES = 1000  # meshes of an array: more are a typing error
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ def _filled(given: Section, key: str, dim: int) -> np.ndarray:
     """(dim,) the numbers of a list; those that it lacks are zero."""
     listed = given.get(key, [])
     numbers = listed if isinstance(listed, list) else [None]
-    if len(numbers) > 3 or any(isinstance(v, bool) or not isinstance(v, (int, float)) for v in numbers):
+    if len(numbers) > 3 or not all(is_a(number, float) for number in numbers):
         given.refuse(key, f"a list of {dim} numbers is expected here")
         return np.ones(dim)
     return np.array([*numbers, 0.0, 0.0, 0.0][:dim], dtype=float)
@@ -232,18 +232,22 @@ def _rotation(given: Section, dim: int) -> np.ndarray:
     try:
         r = np.array(value if isinstance(value, list) else [value], dtype=float)
         if dim == 2:
-            turn = Rotation.from_euler("z", r.item(), degrees=True)
+            turns = [(r.item(), _AXES["z"])]
         elif mode == "axis_angle":
-            angle, x, y, z = r
-            turn = Rotation.from_rotvec(angle * np.array([x, y, z]) / math.hypot(x, y, z), degrees=True)
+            turns = [(r[0], tuple(r[1:]))]
         elif mode == "rotation_vector":
-            turn = Rotation.from_rotvec(r, degrees=True)
+            turns = [(np.linalg.norm(r), tuple(r))] if r.any() else []
         elif len(r) == len(mode) == 1:
-            turn = Rotation.from_euler(mode, r, degrees=True)
+            turns = [(r[0], _AXES[mode])]
         else:
-            x, y, z = r
-            turn = Rotation.from_euler(mode, [{"x": x, "y": y, "z": z}[axis] for axis in mode], degrees=True)
-        return turn.as_matrix().reshape(3, 3)[:dim, :dim]
-    except (TypeError, ValueError, KeyError, ZeroDivisionError):
+            by_axis = dict(zip("xyz", r, strict=True))
+            turns = [(by_axis[axis], _AXES[axis]) for axis in mode or "none"]
+        turned = np.eye(dim)
+        for angle, axis in turns:
+            if len(axis) != 3 or not any(axis):
+                raise ValueError(axis)
+            turned = rotation_matrix(float(np.deg2rad(angle)), axis, dim) @ turned
+        return turned
+    except (TypeError, ValueError, KeyError):
         given.refuse("rotation", f"is not read with rotation_mode {mode!r} in {dim}D")
         return np.eye(dim)
