@@ -48,43 +48,34 @@ def expected(run, level, step, k=0):
 
 
 @pytest.mark.parametrize("level", [0, 1])
-def test_obj_with_texture_coordinates(stored, tmp_path, level):
-    (folder,), notes = export_run(stored, "obj", tmp_path, [level])
-    run = open_run(stored)
-    text = (folder / f"{STEPS:06d}.obj").read_text()
-    names = [line[2:] for line in text.splitlines() if line.startswith("o ")]
-    assert names == ["plain", "soft_box_render", "soft_box_render_1"]
-    # trimesh names what it has split by the first object of all; materials have the names of their objects.
-    scene = trimesh.load(folder / f"{STEPS:06d}.obj", split_object=True, group_material=False, process=False)
-    found = {getattr(getattr(thing.visual, "material", None), "name", ""): thing for thing in scene.geometry.values()}
-    read, inner = found["soft_box_render"], found["soft_box_render_1"]
-    shape = SEAMS.shape
-    # trimesh makes a vertex of each pair of a corner and its place: compare corner by corner.
-    np.testing.assert_allclose(
-        read.vertices[read.faces], expected(run, level, STEPS)[shape.triangles], atol=1e-7, err_msg="positions"
-    )
-    np.testing.assert_allclose(read.visual.uv[read.faces.ravel()], shape.uvs[shape.uv_corners], atol=1e-8)
-    np.testing.assert_array_equal(np.asarray(read.visual.material.image.convert("RGB")), TEXTURE)
-    np.testing.assert_allclose(
-        inner.vertices[inner.faces], expected(run, level, STEPS, 1)[grown_box(0.3, 0.7, 0.0).triangles], atol=1e-7
-    )
-    assert sorted(len(thing.faces) for thing in scene.geometry.values()) == [(12, 48)[level], 192, 192]
+@pytest.mark.parametrize("kind", ["obj", "pc2"])
+def test_obj_files_with_texture_coordinates(kind, level, stored, tmp_path):
+    (folder, *_), notes = export_run(stored, kind, tmp_path, [level], **({"fps": 100.0} if kind == "pc2" else {}))
     assert len(notes) == 3 and "'soft box 1' stands out from the contact surface by up to 0.0693 m" in notes[0]
-
-
-def test_point_caches_with_texture_coordinates(stored, tmp_path):
-    (folder, _), notes = export_run(stored, "pc2", tmp_path, [1], fps=100.0)
-    assert len(notes) == 3, "how far render meshes stand out, and what they cross"
-    run, shape = open_run(stored), SEAMS.shape
-    read = trimesh.load(folder / "soft_box_render.obj", group_material=False, process=False)
-    np.testing.assert_allclose(read.visual.uv[read.faces.ravel()], shape.uvs[shape.uv_corners], atol=1e-8)
-    np.testing.assert_array_equal(np.asarray(read.visual.material.image.convert("RGB")), TEXTURE)
-    frames = np.frombuffer((folder / "soft_box_render.pc2").read_bytes(), "<f4", offset=32)
-    frames = frames.reshape(STEPS + 1, -1, 3)
-    np.testing.assert_allclose(frames[STEPS], expected(run, 1, STEPS), atol=1e-6)
-    assert not (folder / "soft_box.obj").exists()
-    (contact, _), _ = export_run(stored, "pc2", tmp_path / "contact", [1], surface="contact")
-    assert (contact / "soft_box.pc2").exists() and not (contact / "soft_box_render.obj").exists()
+    found, names = {}, ["plain", "soft_box_render", "soft_box_render_1"]
+    for file in [folder / f"{STEPS:06d}.obj"] if kind == "obj" else [folder / f"{name}.obj" for name in names]:
+        # trimesh names what it has split by the first object of all; materials have the names of their objects.
+        scene = trimesh.load(file, split_object=True, group_material=False, process=False, force="scene")
+        found |= {thing.visual.material.name: thing for thing in scene.geometry.values()}
+    assert {name: len(found[name].faces) for name in found} == dict(
+        zip(names, ((12, 48)[level], 192, 192), strict=True)
+    )
+    run = open_run(stored)
+    for k, shape in enumerate((SEAMS.shape, grown_box(0.3, 0.7, 0.0))):
+        read = found[names[1 + k]]
+        # trimesh makes a vertex of each pair of a corner and its place: compare corner by corner.
+        points = expected(run, level, STEPS, k) if kind == "obj" else run.render_meshes[k].points
+        np.testing.assert_allclose(read.vertices[read.faces], points[shape.triangles], atol=1e-7)
+        np.testing.assert_allclose(read.visual.uv[read.faces.ravel()], shape.uvs[shape.uv_corners], atol=1e-8)
+        if kind == "pc2":
+            frames = np.frombuffer((folder / f"{names[1 + k]}.pc2").read_bytes(), "<f4", offset=32)
+            last = frames.reshape(STEPS + 1, -1, 3)[STEPS]
+            np.testing.assert_allclose(last, expected(run, level, STEPS, k), atol=1e-6)
+    picture = found["soft_box_render"].visual.material.image
+    np.testing.assert_array_equal(np.asarray(picture.convert("RGB")), TEXTURE)
+    (contact, *_), _ = export_run(stored, kind, tmp_path / "contact", [level], surface="contact")
+    text = "".join(file.read_text() for file in contact.glob("*.obj"))
+    assert "o soft_box\n" in text and "_render" not in text
 
 
 def test_usd_with_seams_and_texture(stored, tmp_path):
@@ -161,8 +152,6 @@ def test_the_simulated_surface_as_ever(stored):
     both = body_parts(run, run.levels[0], "both")
     assert [part.name for part in both] == ["soft_box", "plain", "soft_box_render", "soft_box_render_1"]
     assert [part.closed for part in both] == [True] * 4
-    with pytest.raises(InputError, match="--surface: the format xdmf holds the simulated mesh alone"):
-        export_run(stored, "xdmf", stored.parent / "x", surface="both")
 
 
 def test_a_render_mesh_is_no_part_of_the_simulation(tmp_path):

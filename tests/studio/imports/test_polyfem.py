@@ -294,16 +294,17 @@ def compared(name, tmp_path) -> dict[str, tuple[float, float]]:
 
 
 @needs_data
-def test_public_scene_without_contact(tmp_path):
-    for key, (ours, theirs) in compared("time-int/euler.json", tmp_path).items():
-        assert ours == pytest.approx(theirs, rel=1e-3), key
-
-
-@needs_data
-@pytest.mark.parametrize("name", ["unit-tests/face-vertex", "unit-tests/vertex-vertex"])
-def test_public_scenes_with_contact(name, tmp_path):
-    for key, (ours, theirs) in compared(f"{EXAMPLES}/{name}.json", tmp_path).items():
-        assert ours == pytest.approx(theirs, rel=3e-3), key
+@pytest.mark.parametrize(
+    ("name", "relative"),
+    [
+        ("time-int/euler", 1e-3),
+        (f"{EXAMPLES}/unit-tests/face-vertex", 3e-3),
+        (f"{EXAMPLES}/unit-tests/vertex-vertex", 3e-3),
+    ],
+)
+def test_public_scenes(name, relative, tmp_path):
+    for key, (ours, theirs) in compared(f"{name}.json", tmp_path).items():
+        assert ours == pytest.approx(theirs, rel=relative), key
 
 
 @needs_data
