@@ -10,7 +10,7 @@ from benchmarks.common.commits import MissingObject
 from demos.gallery.check import table_of_ages
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.figures import table_of_levels
-from demos.gallery.film import write_binding, write_film, write_picture, write_sheet, write_tile
+from demos.gallery.film import write_binding, write_film, write_picture, write_tile
 from demos.gallery.further import write_further
 from demos.gallery.meeting import meeting, table_of_meetings
 from demos.gallery.page import RUNS, Shown, write_entry, write_index
@@ -30,50 +30,37 @@ def main(words: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m demos.gallery", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(names)}, or all")
     parser.add_argument("--runs", type=Path, default=DEMOS.parent / RUNS, help=f"folder of the runs (default: {RUNS})")
-    parser.add_argument(
-        "--no-film", action="store_true", help="keep film and pictures; write the page and its table anew"
-    )
+    parser.add_argument("--no-film", action="store_true", help="keep film and pictures; write page and table anew")
     parser.add_argument("--check", action="store_true", help="say which commit each page is of, and what is older")
     options = parser.parse_args(words)
     if options.check == bool(options.names):
         parser.error("give names, or --check alone")
-    if options.check:
-        return check()
     wanted = names if options.names == ["all"] else options.names
     wrong = [name for name in wanted if name not in names]
     if wrong:
         print(f"gallery: there is no {wrong[0]}; choose of {', '.join(names)}, or all", file=sys.stderr)
         return 2
     try:
+        if options.check:
+            print(table_of_ages(ENTRIES, PAGES))
+            return 0
         held = [show(entry, options.runs, not options.no_film) for entry in ENTRIES if entry.name in wanted]
-    except PdvolError as error:
+    except (PdvolError, MissingObject) as error:
         print(f"gallery: {error}", file=sys.stderr)
-        return 1
-    write_sheet(ENTRIES, PAGES / "tiles", PAGES / "sheet.png")
+        return 2 if options.check else 1
     print(write_index(ENTRIES, PAGES / "README.md"))
     return 0 if all(held) else 1
-
-
-def check() -> int:
-    """Print the table of ages; 2 without a repository."""
-    try:
-        print(table_of_ages(ENTRIES, PAGES))
-    except MissingObject as error:
-        print(f"gallery: {error}", file=sys.stderr)
-        return 2
-    return 0
 
 
 def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
     """Make everything of one entry, pictures if `drawn`; whether its claim holds."""
     PAGES.mkdir(parents=True, exist_ok=True)
-    shown = found(entry, runs)
-    variants = [found(entry.varied(variant), runs) for variant in entry.variants]
+    shown, *variants = found = [measured(each, runs) for each in entry.rows]
     if drawn:
-        for each in (shown, *variants):
+        for each in found:
             write_film(each.entry, each.run, PAGES / f"{each.entry.name}.webp")
         write_picture(entry, shown.run, PAGES / f"{entry.name}.png")
-        write_tile(entry, shown.run, PAGES / "tiles" / f"{entry.name}.png")
+        write_tile(entry, shown.run, ENTRIES, PAGES / "sheet.png")
         if entry.binding:
             write_binding(shown.run, PAGES / f"{entry.name}_binding.png")
         for film in entry.further:
@@ -81,15 +68,15 @@ def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
     write_player(panes_of_run(shown.run), runs / f"{entry.name}.html", entry.title)
     near = ""
     if entry.meeting:
-        near = table_of_meetings({each.entry.row: meeting(each.run, entry.meeting) for each in (shown, *variants)})
+        near = table_of_meetings({each.entry.row: meeting(each.run, entry.meeting) for each in found})
     print(write_entry(shown, PAGES / f"{entry.name}.md", variants, near))
-    broken = [(each.entry.name, s) for each in (shown, *variants) for s, holds in each.claims if not holds]
+    broken = [(each.entry.name, sentence) for each in found for sentence, holds in each.claims if not holds]
     for name, sentence in broken:
         print(f"gallery: {name}: does not hold: {sentence}", file=sys.stderr)
     return not broken
 
 
-def found(entry: Entry, runs: Path) -> Shown:
+def measured(entry: Entry, runs: Path) -> Shown:
     """The runs of an entry or of a variant, simulated where they are missing, and what is measured on them."""
     run = simulate(entry, runs / entry.name)
     direct = simulate(entry, runs / f"{entry.name}_direct", "direct") if entry.direct else None

@@ -1,4 +1,4 @@
-"""What the gallery shows: one entry a demo, at full size, and small for tests.
+"""What an entry of the gallery has. Its words are on its page, docs/gallery/NAME.md, above the film.
 
 A demo of the gallery has a function `claim(run)` beside its `scene`. It gives a list of (sentence, whether it holds)
 for a stored run: what the demo is there to show, with the figures of this run.
@@ -14,42 +14,26 @@ DEMOS = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Further:
-    """One more film of a page, with a colour that means something.
-
-    Attributes
-    ----------
-    name : of the film, after that of the entry; a name in `further.SUBJECTS`
-    title : of its part of the page
-    about : Markdown: what to look at, and what was learned
-    view, turn, cut, size, slow : as those of an entry
+    """One more film of a page, with a colour that means something: `name` is one of `further.SUBJECTS`, the rest as
+    those of an entry.
     """
 
     name: str
     title: str
-    about: str
+    slow: tuple[float, float]
+    size: tuple[int, int]
     view: str = ""
-    turn: float = 0.0
     cut: str = ""
-    size: tuple[int, int] = (1200, 460)
-    slow: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Variant:
-    """The same demo once more with other settings: a run, a film and a table of its own on the page.
-
-    Attributes
-    ----------
-    name : of the film and of the run, after that of the entry
-    title : of its part of the page
-    about : Markdown: what to look at, and what was learned
-    settings : of the scene, instead of the entry's
-    direct : whether it has a second run, where the entry has one
+    """The same demo once more with other `settings`: a run, a film and a table on the same page. `name` and `title`
+    follow those of the entry; `direct` is whether it has a second run, where the entry has one.
     """
 
     name: str
     title: str
-    about: str
     settings: Mapping[str, Any]
     direct: bool = True
 
@@ -60,40 +44,29 @@ class Entry:
 
     Attributes
     ----------
-    name : of demos/NAME.py, of its page and of its run
-    title : of its page
-    about : Markdown: what to look at, and what was learned
-    small : what tests change to run it within seconds
-    settings : of the scene, as in the gallery
-    finest : level of the gallery's run; the scene's finest when None
-    view : where films and pictures are seen from (`pdvol render --camera`)
-    turn : of the camera further about the vertical [degrees]
-    cut : what films and pictures take away (`pdvol render --cut`)
+    name, title : of demos/NAME.py, of its page and of its run; of the page
+    settings, small : of the scene in the gallery; what tests change to run it within seconds
+    view, turn, cut : of films and pictures: `pdvol render --camera`, degrees about the vertical, and `--cut`
     drawn : whether bodies that carry render meshes are drawn as these
-    direct : whether the page says how far levels part that are simulated each on its own; a second run
+    direct : whether a second run says how far levels part that are simulated each on its own
     binding : whether the page shows how level 1 is bound to level 0
-    slow : first and last second of what films show in slow motion, a stored state a frame
-    size : width and height of the film [pixels]
-    moment : second shown on the contact sheet
-    further : more films of the page
+    slow : first and last second of films in slow motion, a stored state a frame
+    size, moment : of the film [pixels]; second shown on the contact sheet
+    further, variants : more films of the page, and more runs
     paper : the paper's figure that it is for, where there is one
-    variants : more rows of the page
-    meeting : two bodies, by their numbers; the page compares how near they come with what embedding would give
-    row : what the entry is called beside its variants
-    demo : name of the demo, where it is not that of the page
+    meeting : two bodies, by their numbers; the page compares how near they come with embedding
+    row, demo : name beside its variants; name of the demo, where it is not that of the page
     """
 
     name: str
     title: str
-    about: str
-    small: Mapping[str, Any]
     settings: Mapping[str, Any] = field(default_factory=dict)
-    finest: int | None = None
+    small: Mapping[str, Any] = field(default_factory=dict)
     view: str = ""
     turn: float = 0.0
     cut: str = ""
     drawn: bool = False
-    direct: bool = False
+    direct: bool = True
     binding: bool = False
     slow: tuple[float, float] | None = None
     size: tuple[int, int] = (1200, 440)
@@ -110,17 +83,21 @@ class Entry:
         """The scene file."""
         return DEMOS / f"{self.demo or self.name}.py"
 
-    def varied(self, variant: Variant) -> "Entry":
-        """The entry of a variant: its file is the same, its run and its film have the variant's name as well."""
-        return replace(
-            self,
-            name=f"{self.name}_{variant.name}",
-            title=f"{self.title}: {variant.title}",
-            about=variant.about,
-            settings=variant.settings,
-            direct=self.direct and variant.direct,
-            demo=self.name,
-            row=variant.name,
-            variants=(),
-            further=(),
+    @property
+    def rows(self) -> "tuple[Entry, ...]":
+        """The entry, and an entry for each of its variants: their file is the same, run and film have both names."""
+        varied = (
+            replace(
+                self,
+                name=f"{self.name}_{variant.name}",
+                title=f"{self.title}: {variant.title}",
+                settings=variant.settings,
+                direct=self.direct and variant.direct,
+                demo=self.name,
+                row=variant.name,
+                variants=(),
+                further=(),
+            )
+            for variant in self.variants
         )
+        return (self, *varied)

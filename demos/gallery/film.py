@@ -1,12 +1,18 @@
-"""Film, picture and tile of an entry, and the contact sheet of all tiles."""
+"""Film, picture and tile of an entry, and the contact sheet: as small as the repository may carry them.
 
-from collections.abc import Sequence
+`./run python -m demos.gallery.film FILE ...` makes other films and pictures as small.
+"""
+
+import io
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from PIL import Image, ImageDraw
 
 from demos.gallery.entries import Entry
+from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 from pdvol.studio.draw.film import film_steps
 from pdvol.studio.draw.layout import BACKGROUND, INK, font
@@ -14,10 +20,22 @@ from pdvol.studio.draw.picture import render
 
 FRAMES_PER_SECOND = 24.0
 PAUSE = 0.75  # s that the last state stands before a film begins again
-TILE = (400, 300)  # pixels, of a demo on the contact sheet
-LABEL = 34  # pixels below a tile, for its title
-SHEET_COLUMNS = 4  # of the contact sheet
-COLOURS = 256  # of a picture in the repository: a third of the bytes of true colour
+MOST_BYTES = 400_000  # of a film
+TRIALS = (
+    (960, 2, 70),
+    (960, 2, 50),
+    (880, 2, 40),
+    (800, 3, 45),
+    (800, 3, 35),
+    (720, 3, 35),
+    (720, 4, 35),
+    (640, 4, 35),
+    (560, 5, 30),
+    (480, 6, 25),
+)
+"""Width of a film [pixels], how many frames become one, and the quality of 100: the first that fits is taken."""
+WIDEST, COLOURS = 880, 64  # pixels, of a picture in the repository; a sixth of the bytes of true colour
+TILE, LABEL, SHEET_COLUMNS = (300, 225), 30, 4  # pixels, of a demo on the contact sheet and of its title; tiles a row
 
 
 def film_frames(steps: int, dt: float, slow: tuple[float, float] | None) -> list[int]:
@@ -41,12 +59,17 @@ def film_frames(steps: int, dt: float, slow: tuple[float, float] | None) -> list
 def write_film(entry: Entry, run: Run, out: Path) -> Path:
     """The levels beside each other, as an animated WebP, which a page shows like a picture."""
     frames = film_frames(run.info["steps"], run.dt, entry.slow)
-    return render(run, out, steps=frames, size=entry.size, fps=FRAMES_PER_SECOND, **_seen(entry))
+    return fit_film(render(run, out, steps=frames, size=entry.size, fps=FRAMES_PER_SECOND, **_seen(entry)))
 
 
 def write_picture(entry: Entry, run: Run, out: Path) -> Path:
     """Rows are levels, columns are moments."""
-    return _fewer_colours(render(run, out, cell_width=260, **_seen(entry)))
+    return fit_picture(render(run, out, cell_width=260, **_seen(entry)))
+
+
+def _seen(entry: Entry) -> dict[str, Any]:
+    """How `render` draws an entry."""
+    return {"turn": entry.turn, "view": entry.view, "cut": entry.cut, "render_meshes": entry.drawn}
 
 
 def write_binding(run: Run, out: Path) -> Path:
@@ -59,11 +82,12 @@ def write_binding(run: Run, out: Path) -> Path:
     pair = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, run.info["prolongation"]).prolongation(1)
     up = run.info.get("up") or (0.0, 0.0, 1.0)
     title = f"levels 0 -> 1, {run.info['prolongation']}"
-    return draw_binding(out, pair.coarse.mesh, pair.fine.mesh, pair.binding.cells, pair.weights(), title, up)
+    draw_binding(out, pair.coarse.mesh, pair.fine.mesh, pair.binding.cells, pair.weights(), title, up)
+    return fit_picture(out)
 
 
-def write_tile(entry: Entry, run: Run, out: Path) -> Path:
-    """The finest level at the entry's moment, without captions."""
+def write_tile(entry: Entry, run: Run, entries: Sequence[Entry], sheet: Path) -> Path:
+    """The finest level at the entry's moment in its place of the contact sheet, its title below; other tiles stay."""
     from pdvol.studio.draw.camera_path import cameras_of_run
     from pdvol.studio.draw.cut import read_cut
     from pdvol.studio.draw.renderer import Renderer
@@ -75,39 +99,81 @@ def write_tile(entry: Entry, run: Run, out: Path) -> Path:
     camera = cameras_of_run(run, [level], [step], run.obstacles, entry.turn, read_view(entry.view), False, aspect)[0]
     cut = read_cut(entry.cut, run.info["bodies"], [str(obstacle.name) for obstacle in run.obstacles])
     with Renderer(run, camera, TILE[0], run.obstacles, render_meshes=entry.drawn, cut=cut) as renderer:
-        picture = renderer.picture(level, step)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    picture.save(out)
-    return _fewer_colours(out)
+        tile = renderer.picture(level, step)
+    return place_tile(tile, entry, entries, sheet)
 
 
-def write_sheet(entries: Sequence[Entry], tiles: Path, out: Path) -> Path:
-    """All demos whose tile is there, titles below; nothing where there is none."""
-    shown = [entry for entry in entries if (tiles / f"{entry.name}.png").is_file()]
-    if not shown:
-        return out
-    columns = min(SHEET_COLUMNS, len(shown))
-    rows = -(-len(shown) // columns)
-    sheet = Image.new("RGB", (columns * TILE[0], rows * (TILE[1] + LABEL)), BACKGROUND)
-    pen = ImageDraw.Draw(sheet)
-    for place, entry in enumerate(shown):
-        x, y = place % columns * TILE[0], place // columns * (TILE[1] + LABEL)
-        with Image.open(tiles / f"{entry.name}.png") as tile:
-            sheet.paste(tile.convert("RGB"), (x, y))
-        pen.text((x + TILE[0] / 2, y + TILE[1] + LABEL / 2), entry.title, INK, font(16), anchor="mm")
-    sheet.save(out)
-    return _fewer_colours(out)
+def place_tile(tile: Image.Image, entry: Entry, entries: Sequence[Entry], sheet: Path) -> Path:
+    """Put a tile on the contact sheet of some entries, which begins empty where there is none of its size."""
+    columns, height = min(SHEET_COLUMNS, len(entries)), TILE[1] + LABEL
+    picture = Image.new("RGB", (columns * TILE[0], -(-len(entries) // columns) * height), BACKGROUND)
+    if sheet.is_file():
+        with Image.open(sheet) as before:
+            if before.size == picture.size:
+                picture.paste(before.convert("RGB"))
+    place = [each.name for each in entries].index(entry.name)
+    x, y = place % columns * TILE[0], place // columns * height
+    picture.paste(tile.convert("RGB").resize(TILE), (x, y))
+    picture.paste(BACKGROUND, (x, y + TILE[1], x + TILE[0], y + height))
+    middle = (x + TILE[0] / 2, y + TILE[1] + LABEL / 2)
+    ImageDraw.Draw(picture).text(middle, entry.title, INK, font(14), anchor="mm")
+    picture.save(sheet)
+    return fit_picture(sheet, picture.width, 128)
 
 
-def _seen(entry: Entry) -> dict[str, Any]:
-    """How `render` draws an entry."""
-    return {"turn": entry.turn, "view": entry.view, "cut": entry.cut, "render_meshes": entry.drawn}
+def fit_picture(path: Path, widest: int = WIDEST, colours: int = COLOURS) -> Path:
+    """Make a PNG as wide and of as many colours as the repository may carry, where that takes bytes away."""
+    with Image.open(path) as picture:
+        size = (min(widest, picture.width), round(picture.height * min(widest, picture.width) / picture.width))
+        shown = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    found = io.BytesIO()
+    # Only with a palette that is there does Pillow spread what colours lack: soft shadows must not have steps.
+    few = shown.quantize(palette=shown.quantize(colours), dither=Image.Dither.FLOYDSTEINBERG)
+    few.save(found, "PNG", optimize=True)
+    if found.tell() < path.stat().st_size:
+        write_bytes(path, found.getvalue())
+    return path
 
 
-def _fewer_colours(file: Path) -> Path:
-    with Image.open(file) as picture:
-        colours = picture.convert("RGB")
-        # Only with a palette that is there does Pillow spread what colours lack: soft shadows must not have steps.
-        few = colours.quantize(palette=colours.quantize(COLOURS), dither=Image.Dither.FLOYDSTEINBERG)
-    few.save(file, optimize=True)
-    return file
+def fit_film(path: Path, most: int = MOST_BYTES) -> Path:
+    """Make an animated WebP at most so many bytes large: narrower, with fewer frames and coarser, no more than needed.
+    Where no trial fits, the last one is kept.
+    """
+    if path.stat().st_size <= most:
+        return path
+    expected = 0.0  # bytes of a trial over its `_share`
+    with Image.open(path) as film:
+        for trial in TRIALS:
+            if expected * _share(*trial) > 1.1 * most and trial != TRIALS[-1]:
+                continue
+            found, (frames, times) = io.BytesIO(), zip(*_frames(film, *trial[:2]), strict=True)
+            words: dict[str, Any] = {"save_all": True, "append_images": frames[1:], "duration": times, "loop": 0}
+            frames[0].save(found, "WEBP", **words, quality=trial[2], method=4)
+            if found.tell() <= most:
+                break
+            expected = found.tell() / _share(*trial)
+    write_bytes(path, found.getvalue())
+    return path
+
+
+def _share(width: int, every: int, quality: int) -> float:
+    """How a film's bytes change with these, about, without a unit: as ten films had it."""
+    return width**1.5 * quality**0.7 / every
+
+
+def _frames(film: Image.Image, width: int, every: int) -> Iterator[tuple[Image.Image, int]]:
+    """One of so many frames of a film, and the time [ms] of all of them."""
+    size = (min(width, film.width), round(film.height * min(width, film.width) / film.width))
+    count = getattr(film, "n_frames", 1)
+    for first in range(0, count, every):
+        time = 0
+        for k in reversed(range(first, min(first + every, count))):
+            film.seek(k)
+            film.load()
+            time += film.info["duration"]
+        yield film.convert("RGB").resize(size, Image.Resampling.LANCZOS), time
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        print((fit_film if name.endswith(".webp") else fit_picture)(Path(name)))

@@ -12,7 +12,7 @@ import pyvista as pv
 from PIL import Image, ImageDraw
 
 from demos.gallery.entries import Entry, Further
-from demos.gallery.film import FRAMES_PER_SECOND, film_frames
+from demos.gallery.film import FRAMES_PER_SECOND, film_frames, fit_film
 from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.bindings import cell_colours
 from pdvol.studio.draw.camera import Camera
@@ -163,9 +163,9 @@ def write_further(entry: Entry, film: Further, run: Run, out: Path) -> Path:
     levels = list({pane.level.index: pane.level for pane in panes}.values())
     frames = film_frames(run.info["steps"], run.dt, film.slow)
     view = read_view(film.view)
-    content = cameras_of_run(run, levels, frames, run.obstacles, film.turn, view)[0].aspect
+    content = cameras_of_run(run, levels, frames, run.obstacles, 0.0, view)[0].aspect
     columns, (width, height) = grid(len(panes), film.size, content, HEADER)
-    cameras = cameras_of_run(run, levels, frames, run.obstacles, film.turn, view, False, width / height)
+    cameras = cameras_of_run(run, levels, frames, run.obstacles, 0.0, view, False, width / height)
     cut = read_cut(film.cut, run.info["bodies"], [str(obstacle.name) for obstacle in run.obstacles])
     drawing = PaintedRenderer(run, cameras[0], width, run.obstacles, 2, cut=cut)
     with FilmFile(out, FRAMES_PER_SECOND) as file, drawing as renderer:
@@ -181,7 +181,7 @@ def write_further(entry: Entry, film: Further, run: Run, out: Path) -> Path:
             if film.name == "gaps":
                 _draw_scale(frame)
             file.add(frame)
-    return out
+    return fit_film(out)
 
 
 def _draw_scale(frame: Image.Image) -> None:

@@ -1,4 +1,7 @@
-"""The Markdown page of an entry, and the gallery's index."""
+"""The Markdown page of an entry, and the gallery's index.
+
+What stands between a heading and the film or picture below it is written by hand; all else is made.
+"""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -8,23 +11,40 @@ from typing import Any
 
 from demos.gallery.entries import Entry
 from demos.gallery.film import FRAMES_PER_SECOND
-from demos.gallery.shots import table_of_shots
+from demos.gallery.shots import commits, table_of_shots
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 
 RUNS = "runs/gallery"  # folder of the gallery's runs
+BINDING = "How level 1 is bound to level 0"
+TO_WRITE = "To be written: what to look at, and what was learned."
+"""The words of a page that has none."""
 MEETINGS = (
     "At the end. Gaps are distances from vertices of the one surface to the other surface, negative inside it. Embedded"
     " means that level 1 only follows level 0, by the same interpolation."
 )
 """What stands above the table of how near bodies come."""
-COSTS = (
-    "Means over all steps of a level, CPU time on one core, beside other jobs."
-    " A level solves what the direct simulation of it solves: its own forces,\ncontact and friction, from another"
-    " prediction. `./run python -m demos.gallery --check` says which of these numbers are older than the solver."
-)
-"""What stands above the table of costs."""
+INDEX = f"""# Gallery
+
+![all demos of the gallery](sheet.png)
+
+Each page, its film and its table are made from a stored run by `./run python -m demos.gallery NAME`, which simulates
+first what is not stored. `{RUNS}/NAME.html` plays it. A demo's claim is checked on the stored run when its page is
+made, and on small levels by the tests.
+
+Distances are root mean squares over the mass, from the coarser level prolonged to the finer one. With
+`--method direct` each level is simulated on its own. Intersections are counted by `pdvol verify`, which is independent
+of the solver.
+
+## What a preview saves
+
+Means over all steps of a level, CPU time on one core, beside other jobs. A level solves the same problem as its direct
+simulation: the same forces, contact and friction, from another prediction. `./run python -m demos.gallery --check`
+says which of these numbers are older than the solver.
+
+"""
+"""The gallery's index, above its table."""
 
 
 @dataclass(frozen=True)
@@ -56,41 +76,38 @@ def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = (), meeting
     meetings : the table of how near bodies come, of the entry and its variants
     """
     entry, run = shown.entry, shown.run
+    before = out.read_text(encoding="utf-8") if out.is_file() else ""
     parts = [
-        f"# {entry.title}",
-        entry.about.strip(),
-        _film(entry, entry.title),
+        _headed(before, f"# {entry.title}", f"{entry.title}: the levels beside each other", f"{entry.name}.webp"),
         f"*{run.info['steps'] * run.dt:.3g} s, {run.info['steps']} steps of {run.dt:g} s; {_speed(entry, run.dt)}."
         f" As a picture: [{entry.name}.png]({entry.name}.png).*",
         "## What it shows\n\n" + _claims(shown),
         f"## The levels\n\n{shown.levels}",
-        _binding(entry),
-        *(
-            f"## {film.title}\n\n{film.about.strip()}\n\n![{film.title}]({entry.name}_{film.name}.webp)"
-            for film in entry.further
-        ),
-        *(part for variant in variants for part in _variant(variant)),
-        f"## How near they come\n\n{MEETINGS}\n\n{meetings}" if meetings else "",
-        "\n\n".join(_made(each) for each in (shown, *variants)),
     ]
-    write_bytes(out, ("\n\n".join(part for part in parts if part) + "\n").encode())
+    if entry.binding:
+        parts.append(_headed(before, f"## {BINDING}", BINDING, f"{entry.name}_binding.png"))
+    parts += [
+        _headed(before, f"## {film.title}", film.title, f"{entry.name}_{film.name}.webp") for film in entry.further
+    ]
+    for variant in variants:
+        title = variant.entry.title.rpartition(": ")[2]
+        film = f"{variant.entry.name}.webp"
+        parts += [
+            _headed(before, f"## {title}", f"{title}: the levels beside each other", film),
+            _claims(variant),
+            variant.levels,
+        ]
+    if meetings:
+        parts.append(f"## How near they come\n\n{MEETINGS}\n\n{meetings}")
+    parts += [_made(each) for each in (shown, *variants)]
+    write_bytes(out, ("\n\n".join(parts) + "\n").encode())
     return out
 
 
-def _variant(shown: Shown) -> list[str]:
-    """The part of the page that a variant has."""
-    title = shown.entry.title.rpartition(": ")[2]
-    return [
-        f"## {title}",
-        shown.entry.about.strip(),
-        _film(shown.entry, title),
-        _claims(shown),
-        shown.levels,
-    ]
-
-
-def _film(entry: Entry, title: str) -> str:
-    return f"![{title}: the levels beside each other]({entry.name}.webp)"
+def _headed(before: str, heading: str, title: str, file: str) -> str:
+    """A heading, the words that the page has had below it `before`, and the film or picture that they are about."""
+    words = before.partition(f"{heading}\n\n")[2].partition("![")[0].strip()
+    return f"{heading}\n\n{words or TO_WRITE}\n\n![{title}]({file})"
 
 
 def _claims(shown: Shown) -> str:
@@ -99,55 +116,25 @@ def _claims(shown: Shown) -> str:
 
 def write_index(entries: Sequence[Entry], out: Path) -> Path:
     """The list of all pages that are there, and the table of what levels cost."""
-    there = [entry for entry in entries if (out.parent / f"{entry.name}.md").is_file()]
-    lines = [f"- [{entry.title}]({entry.name}.md): `demos/{entry.name}.py`" for entry in there]
-    text = (
-        "# Gallery\n\n![all demos of the gallery](sheet.png)\n\n"
-        + "\n".join(lines)
-        + "\n\nEach page, its film and its table are made from a stored run by `./run python -m demos.gallery NAME`,"
-        f" which simulates first what is not stored. `{RUNS}/NAME.html` plays it.\nA demo's claim is checked on the"
-        " stored run when its page is made, and on small levels by the tests.\n\nDistances are root mean squares over"
-        " the mass, from the coarser level prolonged to the finer one. With `--method direct` each level is simulated\n"
-        "on its own. Intersections are counted by `pdvol verify`, which is independent of the solver.\n\n"
-        f"## What a preview saves\n\n{COSTS}\n\n{table_of_shots(entries, out.parent)}\n"
-    )
-    write_bytes(out, text.encode())
+    write_bytes(out, f"{INDEX}{table_of_shots(entries, out.parent)}\n".encode())
     return out
 
 
 def _speed(entry: Entry, dt: float) -> str:
-    if entry.slow is None or dt * FRAMES_PER_SECOND >= 1.0:
-        return "real speed"
     fraction = dt * FRAMES_PER_SECOND
+    if entry.slow is None or fraction >= 1.0:
+        return "real speed"
     return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {fraction:.2g} of it"
-
-
-def _binding(entry: Entry) -> str:
-    if not entry.binding:
-        return ""
-    return (
-        "## How level 1 is bound to level 0\n\nLeft, the vertices of level 1 as dots on the mesh of level 0; those of"
-        " one colour are bound to the same cell. Right, the weights of one vertex of level 0, the warmer the larger."
-        f"\n\n![How level 1 is bound to level 0]({entry.name}_binding.png)"
-    )
 
 
 def _made(shown: Shown) -> str:
     """How and where the runs were made, in one sentence."""
     entry, made = shown.entry, shown.made
     settings = "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in entry.settings.items())
-    finest = "" if entry.finest is None else f" --levels 0:{shown.run.levels[-1].index}"
-    command = f"./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}"
-    model = f" The model is {load_shot(entry.file, entry.settings).scene.model}."
-    if not made:
-        return f"Made by `{command}`.{model}"
-    commits, others = _commits(made), _commits(shown.made_directly)
-    direct = f" (by the direct method: {others})" if others not in ("", commits) else ""
-    return (
-        f"Made by `{command}` at commit {commits}{direct} on one core of {made['processor']},"
-        f" {made['cores']} cores, load {made['load']:.1f}.{model}"
-    )
-
-
-def _commits(made: Mapping[str, Any]) -> str:
-    return ", ".join(commit[:7] for commit in made.get("commits", ()) if commit) or ("unknown" if made else "")
+    text = f"Made by `./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}`"
+    if made:
+        at, others = (commits(each) or "unknown" for each in (made, shown.made_directly or made))
+        direct = f" (by the direct method: {others})" if others != at else ""
+        text += f" at commit {at}{direct} on one core of {made['processor']}, {made['cores']} cores"
+        text += f", load {made['load']:.1f}"
+    return f"{text}. The model is {load_shot(entry.file, entry.settings).scene.model}."

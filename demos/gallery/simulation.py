@@ -30,24 +30,23 @@ def simulate(entry: Entry, folder: Path, method: str = "progressive") -> Run:
     SimulationError
         The run failed; its own message is on standard error.
     """
-    finest = load_shot(entry.file, entry.settings).scene.levels - 1 if entry.finest is None else entry.finest
+    finest = load_shot(entry.file, entry.settings).scene.levels - 1
     levels = open_run(folder).levels if holds_run(folder) else ()
     if len(levels) <= finest or any(level.info["state"] != "done" for level in levels[: finest + 1]):
-        if _march(entry, folder, finest, method):
+        if _march(entry, folder, method):
             raise SimulationError(f"{entry.name} was not simulated to its end; the same command goes on with it")
     return at_level(open_run(folder), finest)
 
 
-def _march(entry: Entry, folder: Path, finest: int, method: str) -> int:
-    """Simulate what is missing up to a level, in a process of its own; its exit status."""
+def _march(entry: Entry, folder: Path, method: str) -> int:
+    """Simulate what is missing, in a process of its own; its exit status."""
     there = holds_run(folder)
     commits = [*(note(folder).get("commits", ()) if there else ()), commit()]
     machine = {"processor": processor(), "cores": os.cpu_count(), "load": os.getloadavg()[0]}
     folder.parent.mkdir(parents=True, exist_ok=True)
     write_json(_note_file(folder), {"commits": list(dict.fromkeys(commits)), **machine})
-    words = ["run", str(entry.file), "--levels", f"0:{finest}", "--out", str(folder), "--no-picture", "--no-xdmf"]
+    words = ["run", str(entry.file), "--out", str(folder), "--no-picture", "--no-xdmf", "--method", method]
     words += ["--ranks", "1"]  # times on pages are comparable
-    words += ["--method", method]
     words += [word for name, value in settings_by(entry, method).items() for word in ("--set", f"{name}={value}")]
     words += ["--resume"] * there
     return subprocess.run([sys.executable, "-m", "pdvol", *words]).returncode
