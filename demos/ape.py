@@ -40,17 +40,14 @@ def scene(vertices=(300, 700, 1600, 3600), young=2e4, speed=5.0, steps=800, dt=0
 
 def claim(run):
     """All levels swing as level 0 does, to the end."""
-    found = []
-    for entry in motion_from_level_0(run)[1:]:
-        mean, largest = entry["distance"], entry["largest_distance"]
-        found.append(
-            (
-                f"Level {entry['level']} is at most {1000 * largest:.0f} mm from level 0, a mean over the gorilla, in"
-                f" any step ({1000 * mean:.0f} mm at the end); it is {HEIGHT:g} m tall.",
-                largest < 0.05 * HEIGHT,
-            )
+    return [
+        (
+            f"Level {entry['level']} is at most {1000 * entry['largest_distance']:.0f} mm from level 0, a mean over the"
+            f" gorilla, in any step ({1000 * entry['distance']:.0f} mm at the end); it is {HEIGHT:g} m tall.",
+            entry["largest_distance"] < 0.05 * HEIGHT,
         )
-    return found
+        for entry in motion_from_level_0(run)[1:]
+    ]
 
 
 if __name__ == "__main__":

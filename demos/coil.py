@@ -8,7 +8,6 @@ It has the four levels of `twist.py`; `--levels 0:1` is a quick look.
 import pdvol
 import twist
 from pdvol.measure.verify import check_levels
-from pdvol.runs.run_metrics import motion_from_level_0
 
 NOT_RELEASED = 1e3  # s: both ends are turned to the last step
 
@@ -35,16 +34,7 @@ def claim(run):
                 bool(touching) and crossings[level.index] == 0,
             )
         )
-    for entry in motion_from_level_0(run)[1:]:
-        mean, largest = entry["distance"], entry["largest_distance"]
-        found.append(
-            (
-                f"Level {entry['level']} is at most {1000 * largest:.1f} mm from level 0, a mean over the bar, in any"
-                f" step ({1000 * mean:.1f} mm at the end); the bar is {1000 * twist.WIDTH:.0f} mm wide.",
-                largest < 0.1 * twist.WIDTH,
-            )
-        )
-    return found
+    return found + twist.claim(run)
 
 
 if __name__ == "__main__":

@@ -72,25 +72,17 @@ def reach(run, level):
 
 def claim(run):
     """The gnome rests where level 0 puts it, and reaches into the letter on the level that has one."""
-    found = []
-    for entry in motion_from_level_0(run)[1:]:
-        drift = entry["centre_drift"]
-        found.append(
-            (
-                f"On level {entry['level']} the bodies end within {1000 * drift:.0f} mm of where level 0 has them,"
-                f" less than 5 % of the gnome's height.",
-                drift < 0.05 * HEIGHT,
-            )
-        )
-    plain, cut = reach(run, 0), reach(run, len(run.levels) - 1)
-    found.append(
+    found = [
         (
-            f"The gnome reaches {1000 * cut:.1f} mm below the face of the engraved block,"
-            f" and {1000 * plain:.1f} mm below that of the plain one.",
-            cut > plain,
+            f"On level {entry['level']} the bodies end within {1000 * entry['centre_drift']:.0f} mm of where level 0"
+            " has them, less than 5 % of the gnome's height.",
+            entry["centre_drift"] < 0.05 * HEIGHT,
         )
-    )
-    return found
+        for entry in motion_from_level_0(run)[1:]
+    ]
+    plain, cut = reach(run, 0), reach(run, len(run.levels) - 1)
+    sentence = f"The gnome reaches {1000 * cut:.1f} mm below the face of the engraved block,"
+    return [*found, (f"{sentence} and {1000 * plain:.1f} mm below that of the plain one.", cut > plain)]
 
 
 if __name__ == "__main__":

@@ -51,17 +51,14 @@ def scene(surface="", vertices=(500, 2000, 8000), young=1e5, mu=0.3, spin=2.0, s
 
 def claim(run):
     """The shape lies where level 0 puts it, and as level 0 turns it."""
-    found = []
-    for entry in motion_from_level_0(run)[1:]:
-        centre, angle = entry["centre_drift"], entry["angle_drift"]
-        found.append(
-            (
-                f"Level {entry['level']} ends with its centre within {1000 * centre:.0f} mm and {angle:.1f} degrees of"
-                " level 0, less than a twentieth of its size and 10 degrees.",
-                centre < 0.05 * SIZE and angle < 10.0,
-            )
+    return [
+        (
+            f"Level {entry['level']} ends with its centre within {1000 * entry['centre_drift']:.0f} mm and"
+            f" {entry['angle_drift']:.1f} degrees of level 0, less than a twentieth of its size and 10 degrees.",
+            entry["centre_drift"] < 0.05 * SIZE and entry["angle_drift"] < 10.0,
         )
-    return found
+        for entry in motion_from_level_0(run)[1:]
+    ]
 
 
 if __name__ == "__main__":

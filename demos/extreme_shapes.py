@@ -44,16 +44,14 @@ def scene(vertices=(65, 260, 950, 3500), young=8e4, mu=0.4, damping=0.02, height
 def claim(run):
     """Both come to rest where level 0 puts them: on the same pegs, in the same pose."""
     size = 0.56  # m, the gear's diameter; the seahorse is larger
-    found = []
-    for entry in motion_from_level_0(run)[1:]:
-        centre, angle = entry["centre_drift"], entry["angle_drift"]
-        found.append(
-            (
-                f"Level {entry['level']} ends with both bodies within {100 * centre:.1f} cm and {angle:.1f} degrees of"
-                f" level 0, less than a fifth of the gear's diameter and 20 degrees.",
-                centre < 0.2 * size and angle < 20.0,
-            )
+    found = [
+        (
+            f"Level {entry['level']} ends with both bodies within {100 * entry['centre_drift']:.1f} cm and"
+            f" {entry['angle_drift']:.1f} degrees of level 0, less than a fifth of the gear's diameter and 20 degrees.",
+            entry["centre_drift"] < 0.2 * size and entry["angle_drift"] < 20.0,
         )
+        for entry in motion_from_level_0(run)[1:]
+    ]
     few, many = len(run.levels[0].rest), len(run.levels[-1].rest)
     return [*found, (f"The finest level has {many / few:.0f} times the vertices of level 0.", many > few)]
 

@@ -48,17 +48,15 @@ def scene(
 
 def claim(run):
     """The animals end where level 0 puts them: in the bowl, and turned alike."""
-    found = []
-    for entry in motion_from_level_0(run)[1:]:
-        centre, angle = entry["centre_drift"], entry["angle_drift"]
-        found.append(
-            (
-                f"Level {entry['level']} ends with all animals within {1000 * centre:.0f} mm and {angle:.1f} degrees of"
-                f" level 0, less than a twentieth of the bowl's radius and 10 degrees.",
-                centre < 0.05 * RADIUS and angle < 10.0,
-            )
+    return [
+        (
+            f"Level {entry['level']} ends with all animals within {1000 * entry['centre_drift']:.0f} mm and"
+            f" {entry['angle_drift']:.1f} degrees of level 0, less than a twentieth of the bowl's radius and 10"
+            " degrees.",
+            entry["centre_drift"] < 0.05 * RADIUS and entry["angle_drift"] < 10.0,
         )
-    return found
+        for entry in motion_from_level_0(run)[1:]
+    ]
 
 
 if __name__ == "__main__":

@@ -28,33 +28,17 @@ LENGTH, THICKNESS, GAP = 1.0, 0.08, 4e-3  # m: of the strip, and between it and 
 def scene(vertices=(80, 300), pull=450.0, strength=2500.0, stiffness=5e5, height=0.5, steps=120, dt=0.01):
     """`pull` [N per metre of depth] grows within half a second; the glue bears `strength` [N per metre of depth]."""
     soft = NeoHookean(2e5, 0.4, 1000.0)
-    ceiling = Body(
-        meshes.rectangle(1.2 * LENGTH, THICKNESS),
-        soft,
-        tuple(vertices),
-        name="ceiling",
-        placement=Placement(translate=(0.0, height + THICKNESS + GAP)),
-    )
-    strip = Body(
-        meshes.rectangle(LENGTH, THICKNESS),
-        soft,
-        tuple(vertices),
-        name="strip",
-        placement=Placement(translate=(0.0, height)),
-    )
-    end = 0.4 * LENGTH
+    glued = lambda X: X[:, 1] > height + 0.499 * THICKNESS
+    end, top = 0.4 * LENGTH, height + THICKNESS + GAP
+
+    def bar(name, length, y):
+        shape, place = meshes.rectangle(length, THICKNESS), Placement((0.0, y))
+        return Body(shape, soft, tuple(vertices), name=name, placement=place)
+
     return Scene(
-        bodies=(ceiling, strip),
-        attachments=(
-            Attachment(
-                "strip",
-                "ceiling",
-                lambda X: X[:, 1] > height + 0.499 * THICKNESS,
-                stiffness=stiffness,
-                breaking=strength,
-            ),
-        ),
-        supports=(Support(lambda X: X[:, 1] > height + THICKNESS + GAP, body="ceiling"),),
+        bodies=(bar("ceiling", 1.2 * LENGTH, top), bar("strip", LENGTH, height)),
+        attachments=(Attachment("strip", "ceiling", glued, stiffness=stiffness, breaking=strength),),
+        supports=(Support(lambda X: X[:, 1] > top, body="ceiling"),),
         obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="floor"),),
         loads=(
             Gravity((0.0, -9.81)),

@@ -42,17 +42,14 @@ def scene(cuts=CUTS, speed=300.0, release=0.7, young=2e5, poisson=0.4, steps=100
 
 def claim(run):
     """After the release the bar untwists alike on all levels."""
-    found = []
-    for entry in motion_from_level_0(run)[1:]:
-        mean, largest = entry["distance"], entry["largest_distance"]
-        found.append(
-            (
-                f"Level {entry['level']} is at most {1000 * largest:.1f} mm from level 0, a mean over the bar, in any"
-                f" step ({1000 * mean:.1f} mm at the end); the bar is {1000 * WIDTH:.0f} mm wide.",
-                largest < 0.1 * WIDTH,
-            )
+    return [
+        (
+            f"Level {entry['level']} is at most {1000 * entry['largest_distance']:.1f} mm from level 0, a mean over the"
+            f" bar, in any step ({1000 * entry['distance']:.1f} mm at the end); the bar is {1000 * WIDTH:.0f} mm wide.",
+            entry["largest_distance"] < 0.1 * WIDTH,
         )
-    return found
+        for entry in motion_from_level_0(run)[1:]
+    ]
 
 
 if __name__ == "__main__":
