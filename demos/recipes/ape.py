@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pdvol.meshes import Surface
-from pdvol.meshes.implicit import capsule, contoured, ellipsoid, join
+from pdvol.meshes.implicit import capsule, ellipsoid
+
+from .field import Field
 
 
 @lru_cache(maxsize=4)  # seconds to make
@@ -20,20 +22,10 @@ def ape(height: float = 1.0, vertices: int = 5000) -> Surface:
     vertices : int
         Vertices of the surface, about.
     """
-    h = 0.014  # grid cell of a figure about one unit tall
-    axes = [np.arange(low, high, h) for low, high in ((-0.70, 0.85), (-0.06, 1.16), (-0.46, 0.72))]
-    points, triangles = contoured(_figure(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)), axes, h, vertices)
-    points = points - [0.0, points[:, 1].min(), 0.0]
-    head = points[np.abs(points[:, 0]) < 0.2, 1].max()
-    return Surface(points * (height / head), np.ascontiguousarray(triangles, dtype=np.int32))
-
-
-def _figure(p: np.ndarray) -> np.ndarray:
-    """Signed distance (nearly) to the gorilla at points (..., 3): negative inside."""
-    q = p.copy()
-    q[..., 0] = np.abs(q[..., 0])  # left and right are the same, but for the arms
-    body = ellipsoid(p, (0.0, 0.20, -0.02), (0.27, 0.24, 0.25))  # belly and seat
+    figure = Field(0.014, (-0.70, 0.85), (-0.06, 1.16), (-0.46, 0.72))
+    p, q = figure.p, figure.q
     parts = [
+        (ellipsoid(p, (0.0, 0.20, -0.02), (0.27, 0.24, 0.25)), 0.12),  # belly and seat
         (ellipsoid(p, (0.0, 0.50, -0.03), (0.26, 0.27, 0.20)), 0.12),  # chest
         (ellipsoid(q, (0.11, 0.54, 0.11), (0.13, 0.10, 0.09)), 0.06),  # breast
         (capsule(q, (0.0, 0.66, -0.07), (0.25, 0.62, -0.05), 0.115), 0.10),  # shoulders
@@ -50,15 +42,14 @@ def _figure(p: np.ndarray) -> np.ndarray:
         *_arm(p, (-0.29, 0.61, -0.03), (-0.48, 0.36, 0.02), (-0.46, 0.08, 0.16), (-0.46, 0.055, 0.19)),
         *_arm(p, (0.29, 0.61, -0.03), (0.55, 0.55, 0.10), (0.60, 0.86, 0.20), (0.605, 0.92, 0.22)),
     ]
-    for part, blend in parts:
-        body = join(body, part, blend)
-    hollows = [
-        (capsule(q, (0.0, 0.728, 0.264), (0.070, 0.738, 0.236), 0.011), 0.015),  # mouth
-        (ellipsoid(q, (0.026, 0.790, 0.274), (0.012, 0.010, 0.016)), 0.008),  # nostrils
-    ]
-    for hollow, blend in hollows:
-        body = -join(-body, hollow, blend)
-    return -join(-body, p[..., 1], 0.02)  # flat where it sits and stands
+    figure.join(parts)
+    figure.cut(capsule(q, (0.0, 0.728, 0.264), (0.070, 0.738, 0.236), 0.011), 0.015)  # mouth
+    figure.cut(ellipsoid(q, (0.026, 0.790, 0.274), (0.012, 0.010, 0.016)), 0.008)  # nostrils
+    figure.flatten(0.0, 0.02)  # where it sits and stands
+    points, triangles = figure.contour(vertices)
+    points = points - [0.0, points[:, 1].min(), 0.0]
+    head = points[np.abs(points[:, 0]) < 0.2, 1].max()
+    return Surface(points * (height / head), triangles)
 
 
 def _arm(

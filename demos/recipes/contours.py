@@ -6,6 +6,8 @@ from pdvol.meshes import Outline
 from pdvol.meshes.implicit import capsule, ellipsoid, join
 from pdvol.meshes.outlines import polygon
 
+from .field import Field
+
 
 def gear(radius: float = 0.3, teeth: int = 24, tooth: float = 0.12, share: float = 0.35) -> Outline:
     """A wheel with thin straight teeth about the origin.
@@ -37,15 +39,9 @@ def seahorse(height: float = 1.0, ridges: int = 22, points: int = 700) -> Outlin
     ridges : knobs along the back and the tail
     points : of the outline, about
     """
-    from skimage import measure
-
-    h = 0.0025  # grid cell of a figure one unit tall
-    x, y = np.arange(-0.34, 0.36, h), np.arange(-0.06, 1.10, h)
-    field = _seahorse(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1), ridges)
-    contour = max(measure.find_contours(field, 0.0), key=len)[:-1] * h + [x[0], y[0]]
-    contour = evenly(contour, points)
-    contour = contour - [0.0, contour[:, 1].min()]
-    return polygon(contour * (height / contour[:, 1].max()))
+    figure = Field(0.0025, (-0.34, 0.36), (-0.06, 1.10))
+    figure.values = _seahorse(figure.p, ridges)
+    return figure.outline(points, height)
 
 
 def _seahorse(p: np.ndarray, ridges: int) -> np.ndarray:
@@ -93,11 +89,3 @@ def _spine() -> tuple[np.ndarray, np.ndarray]:
     knots = np.array([0.0, 0.10, 0.25, 0.38, 0.48, 0.65, 1.0]) * length[-1]
     width = np.interp(t, knots, [0.050, 0.075, 0.085, 0.062, 0.046, 0.038, 0.024])
     return CubicSpline(length, guide)(t), width
-
-
-def evenly(closed: np.ndarray, points: int) -> np.ndarray:
-    """`points` at equal distances along a closed line (n, 2)."""
-    ring = np.vstack([closed, closed[:1]])
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
-    at = np.linspace(0.0, length[-1], points + 1)[:-1]
-    return np.column_stack([np.interp(at, length, ring[:, k]) for k in range(2)])

@@ -7,6 +7,8 @@ import numpy as np
 from pdvol.meshes import Surface
 from pdvol.meshes.implicit import capsule, cone, contoured, ellipsoid, join
 
+from .field import Field
+
 
 @lru_cache(maxsize=4)  # seconds to make
 def gnome(height: float = 0.6, vertices: int = 6000) -> Surface:
@@ -14,19 +16,10 @@ def gnome(height: float = 0.6, vertices: int = 6000) -> Surface:
 
     `vertices` of the surface, about.
     """
-    h = 0.011  # grid cell of a figure about one unit tall
-    axes = [np.arange(a, b, h) for a, b in ((-0.40, 0.40), (-0.05, 1.08), (-0.34, 0.40))]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    points, triangles = contoured(_gnome(points), axes, h, vertices)
-    points = points - [0.0, points[:, 1].min(), 0.0]
-    return Surface(points * (height / points[:, 1].max()), np.ascontiguousarray(triangles, dtype=np.int32))
-
-
-def _gnome(p: np.ndarray) -> np.ndarray:
-    q = p.copy()
-    q[..., 0] = np.abs(q[..., 0])  # left and right are the same
-    body = ellipsoid(p, (0.0, 0.30, 0.0), (0.185, 0.215, 0.165))
-    for part, blend in (
+    figure = Field(0.011, (-0.40, 0.40), (-0.05, 1.08), (-0.34, 0.40))
+    p, q = figure.p, figure.q
+    parts = [
+        (ellipsoid(p, (0.0, 0.30, 0.0), (0.185, 0.215, 0.165)), 0.05),  # belly
         (ellipsoid(p, (0.0, 0.545, 0.015), (0.130, 0.125, 0.125)), 0.05),  # head
         (capsule(q, (0.085, 0.14, 0.0), (0.095, 0.065, 0.015), 0.072), 0.03),  # legs
         (ellipsoid(q, (0.105, 0.045, 0.070), (0.078, 0.052, 0.125)), 0.03),  # shoes
@@ -40,9 +33,8 @@ def _gnome(p: np.ndarray) -> np.ndarray:
         (ellipsoid(p, (0.0, 0.645, 0.005), (0.205, 0.032, 0.195)), 0.015),  # brim of the hat
         (cone(p, (0.0, 0.650, 0.005), (0.0, 0.840, -0.015), 0.138, 0.075), 0.025),
         (cone(p, (0.0, 0.840, -0.015), (0.035, 1.005, -0.065), 0.075, 0.022), 0.015),
-    ):
-        body = join(body, part, blend)
-    return body
+    ]
+    return figure.join(parts).surface(vertices, 1, height)
 
 
 @lru_cache(maxsize=4)

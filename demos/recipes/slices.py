@@ -6,11 +6,10 @@ import numpy as np
 
 from pdvol.meshes import Outline, Solid
 from pdvol.meshes.grids import layered
-from pdvol.meshes.implicit import capsule, ellipsoid, join
-from pdvol.meshes.outlines import polygon
+from pdvol.meshes.implicit import capsule, ellipsoid
 from pdvol.meshing.triangulate import triangulate
 
-from .contours import evenly
+from .field import Field
 
 
 def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:
@@ -18,13 +17,10 @@ def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:
 
     `points` of the outline.
     """
-    from skimage import measure
-
-    h = 0.004  # grid cell of a figure one unit tall
-    x, y = np.arange(-0.52, 0.52, h), np.arange(-0.06, 1.10, h)
-    p = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-    body = ellipsoid(p, (-0.05, 0.27), (0.31, 0.25))
-    for part, blend in (
+    figure = Field(0.004, (-0.52, 0.52), (-0.06, 1.10))
+    p = figure.p
+    parts = [
+        (ellipsoid(p, (-0.05, 0.27), (0.31, 0.25)), 0.05),  # belly
         (ellipsoid(p, (-0.16, 0.20), (0.21, 0.19)), 0.05),  # haunch
         (ellipsoid(p, (0.16, 0.36), (0.15, 0.17)), 0.08),  # chest
         (ellipsoid(p, (0.24, 0.57), (0.165, 0.135)), 0.06),  # head
@@ -34,12 +30,8 @@ def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:
         (capsule(p, (0.22, 0.30), (0.30, 0.055), 0.055), 0.04),  # foreleg
         (capsule(p, (-0.20, 0.055), (0.08, 0.055), 0.058), 0.04),  # hind foot
         (ellipsoid(p, (-0.395, 0.22), (0.085, 0.085)), 0.03),  # tail
-    ):
-        body = join(body, part, blend)
-    contour = max(measure.find_contours(body, 0.0), key=len)[:-1] * h + [x[0], y[0]]
-    contour = evenly(contour, points)
-    contour = contour - [0.0, contour[:, 1].min()]
-    return polygon(contour * (height / contour[:, 1].max()))
+    ]
+    return figure.join(parts).outline(points, height)
 
 
 @lru_cache(maxsize=8)  # bodies of one shape share it
