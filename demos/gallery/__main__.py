@@ -11,7 +11,7 @@ from demos.gallery.check import table_of_ages
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.figures import table_of_levels
 from demos.gallery.film import write_binding, write_film, write_picture, write_tile
-from demos.gallery.further import write_further
+from demos.gallery.further import write_bound
 from demos.gallery.meeting import meeting, table_of_meetings
 from demos.gallery.page import RUNS, Shown, write_entry, write_index
 from demos.gallery.shots import write_costs
@@ -63,8 +63,8 @@ def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
         write_tile(entry, shown.run, ENTRIES, PAGES / "sheet.png")
         if entry.binding:
             write_binding(shown.run, PAGES / f"{entry.name}_binding.png")
-        for film in entry.further:
-            write_further(entry, film, shown.run, PAGES / f"{entry.name}_{film.name}.webp")
+        if entry.bound:
+            write_bound(entry, shown.run, PAGES / f"{entry.name}_bound.webp")
     write_player(panes_of_run(shown.run), runs / f"{entry.name}.html", entry.title)
     near = ""
     if entry.meeting:

@@ -13,20 +13,6 @@ DEMOS = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)
-class Further:
-    """One more film of a page, with a colour that means something: `name` is one of `further.SUBJECTS`, the rest as
-    those of an entry.
-    """
-
-    name: str
-    title: str
-    slow: tuple[float, float]
-    size: tuple[int, int]
-    view: str = ""
-    cut: str = ""
-
-
-@dataclass(frozen=True)
 class Variant:
     """The same demo once more with other `settings`: a run, a film and a table on the same page. `name` and `title`
     follow those of the entry; `direct` is whether it has a second run, where the entry has one.
@@ -49,10 +35,11 @@ class Entry:
     view, turn, cut : of films and pictures: `pdvol render --camera`, degrees about the vertical, and `--cut`
     drawn : whether bodies that carry render meshes are drawn as these
     direct : whether a second run says how far levels part that are simulated each on its own
-    binding : whether the page shows how level 1 is bound to level 0
+    binding : whether the page has a picture of how level 1 is bound to level 0
+    bound : how a film of that binding is cut; no film where empty
     slow : first and last second of films in slow motion, a stored state a frame
     size, moment : of the film [pixels]; second shown on the contact sheet
-    further, variants : more films of the page, and more runs
+    variants : more runs of the page
     paper : the paper's figure that it is for, where there is one
     meeting : two bodies, by their numbers; the page compares how near they come with embedding
     row, demo : name beside its variants; name of the demo, where it is not that of the page
@@ -68,10 +55,10 @@ class Entry:
     drawn: bool = False
     direct: bool = True
     binding: bool = False
+    bound: str = ""
     slow: tuple[float, float] | None = None
     size: tuple[int, int] = (1200, 440)
     moment: float = 0.5
-    further: tuple[Further, ...] = ()
     paper: str = ""
     variants: tuple[Variant, ...] = ()
     meeting: tuple[int, int] | None = None
@@ -96,7 +83,6 @@ class Entry:
                 demo=self.name,
                 row=variant.name,
                 variants=(),
-                further=(),
             )
             for variant in self.variants
         )

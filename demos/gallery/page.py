@@ -17,7 +17,7 @@ from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 
 RUNS = "runs/gallery"  # folder of the gallery's runs
-BINDING = "How level 1 is bound to level 0"
+BINDING, BOUND = "How level 1 is bound to level 0", "Which cell each cell is bound to"
 TO_WRITE = "To be written: what to look at, and what was learned."
 """The words of a page that has none."""
 MEETINGS = (
@@ -86,9 +86,8 @@ def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = (), meeting
     ]
     if entry.binding:
         parts.append(_headed(before, f"## {BINDING}", BINDING, f"{entry.name}_binding.png"))
-    parts += [
-        _headed(before, f"## {film.title}", film.title, f"{entry.name}_{film.name}.webp") for film in entry.further
-    ]
+    if entry.bound:
+        parts.append(_headed(before, f"## {BOUND}", BOUND, f"{entry.name}_bound.webp"))
     for variant in variants:
         title = variant.entry.title.rpartition(": ")[2]
         film = f"{variant.entry.name}.webp"

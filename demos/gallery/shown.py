@@ -1,6 +1,6 @@
 """The demos of the gallery, in the order of its pages."""
 
-from demos.gallery.entries import Entry, Further, Variant
+from demos.gallery.entries import Entry, Variant
 
 ENTRIES = (
     Entry(
@@ -104,16 +104,6 @@ ENTRIES = (
         moment=1.0,
         meeting=(0, 1),
         row="soft",
-        further=(
-            Further(
-                "gaps",
-                "How contact fits",
-                slow=(0.1, 0.4),
-                size=(1100, 460),
-                view="1.68,1.02,1.02:0.0,0.41,-0.02",
-                cut="x=0",
-            ),
-        ),
         variants=(Variant("stiff", "A stiff block", {"soft": False}),),
     ),
     Entry(
@@ -208,7 +198,7 @@ ENTRIES = (
         slow=(0.0, 0.35),
         size=(1000, 460),
         moment=0.3,
-        further=(Further("bound", "Which cell each cell is bound to", slow=(0.0, 0.35), size=(1260, 440), cut="z=0"),),
+        bound="z=0",
     ),
     Entry(
         "bodies_at_rest",

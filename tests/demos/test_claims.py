@@ -53,7 +53,7 @@ def test_the_page_is_there_and_its_film_is_small(entry):
         pytest.skip("a source archive has neither pictures nor films")
     for name in re.findall(r"\]\(([^)#]+)", text):
         assert (PAGES / name).exists(), name
-    for film in ("", *(f"_{further.name}" for further in entry.further)):
+    for film in ("", "_bound") if entry.bound else ("",):
         assert f"({entry.name}{film}.webp)" in text
         assert (PAGES / f"{entry.name}{film}.webp").stat().st_size <= MOST_BYTES
 
