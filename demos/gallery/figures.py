@@ -45,18 +45,16 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
 
     rows = [
         row("vertices, cells", lambda level: f"{len(level.rest):,}, {len(level.cells):,}"),
-        row("CPU seconds a step, mean (most)", lambda level: _spread([r["seconds"]["cpu"] for r in level.log])),
-        row("of it assembly, contact, collision detection, linear solves, rest [%]", _shares),
-        row(
-            "Newton iterations a step, mean (most)", lambda level: _spread([r["newton_iterations"] for r in level.log])
-        ),
+        row("CPU seconds a step (most)", lambda level: _spread([r["seconds"]["cpu"] for r in level.log])),
+        row("parts [%]", _shares),
+        row("Newton iterations (most)", lambda level: _spread([r["newton_iterations"] for r in level.log])),
         row("most contacts", lambda level: f"{max(r['contacts'] for r in level.log):,}"),
-        row("distance from the level below, mean (largest)", from_below),
-        row("distance from level 0, at the end (largest)", from_0),
-        *([row("the same with `--method direct`", lambda level: from_0(level, alone))] if direct else []),
+        row("from the level below (largest)", from_below),
+        row("from level 0 (largest)", from_0),
+        *([row("`--method direct` (largest)", lambda level: from_0(level, alone))] if direct else []),
         row("smallest gap", _smallest_gap),
         row("smallest det F", lambda level: number(found[level.index].smallest_det, 2)),
-        row("intersections", lambda level: _crossings(found[level.index])),
+        row("intersections in states", lambda level: _crossings(found[level.index])),
     ]
     return table(["", *(f"level {level.index}" for level in levels)], rows)
 
@@ -85,4 +83,4 @@ def _smallest_gap(level: RunLevel) -> str:
 def _crossings(found: LevelFindings) -> str:
     """By the check that is independent of the solver; planes and inverted cells are problems as well."""
     others = len(found.problems)
-    return f"{found.crossings} in {found.steps} states" + (f"; {others} problems" if others else "")
+    return f"{found.crossings} in {found.steps}" + (f"; {others} problems" if others else "")

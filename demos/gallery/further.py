@@ -68,9 +68,7 @@ def binding_panes(entry: Entry, run: Run) -> list[Pane]:
 
     pair = Hierarchy([level.mesh for level in run.levels[:2]], MPI.COMM_SELF, run.info["prolongation"]).prolongation(1)
     coarse, fine = run.levels[:2]
-    colours: Callable = getattr(
-        load_module(entry.file), "colours", lambda run: cell_colours(np.arange(len(coarse.cells)))
-    )
+    colours = getattr(load_module(entry.file), "colours", lambda run: cell_colours(np.arange(len(coarse.cells))))
     own, nearest = colours(run), closest_binding(pair.fine, pair.coarse)
     return [
         Pane("level 0", coarse, own),

@@ -33,9 +33,10 @@ Each page, its film and its table are made from a stored run by `./run python -m
 first what is not stored. `{RUNS}/NAME.html` plays it. A demo's claim is checked on the stored run when its page is
 made, and on small levels by the tests.
 
-Distances are root mean squares over the mass, from the coarser level prolonged to the finer one. With
-`--method direct` each level is simulated on its own. Intersections are counted by `pdvol verify`, which is independent
-of the solver.
+In the tables of pages, times, iterations and distances from the level below are means over all steps. Parts of the
+time are assembly, contact, collision detection, linear solves and the rest. Distances are root mean squares over the
+mass, from the coarser level prolonged to the finer one; those from level 0 are at the end. With `--method direct` each
+level is simulated on its own. Intersections are counted by `pdvol verify`, which is independent of the solver.
 
 ## What a preview saves
 
@@ -80,7 +81,7 @@ def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = (), meeting
     parts = [
         _headed(before, f"# {entry.title}", f"{entry.title}: the levels beside each other", f"{entry.name}.webp"),
         f"*{run.info['steps'] * run.dt:.3g} s, {run.info['steps']} steps of {run.dt:g} s; {_speed(entry, run.dt)}."
-        f" As a picture: [{entry.name}.png]({entry.name}.png).*",
+        f" [Picture]({entry.name}.png).*",
         "## What it shows\n\n" + _claims(shown),
         f"## The levels\n\n{shown.levels}",
     ]

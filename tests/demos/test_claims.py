@@ -74,12 +74,12 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     rows = {name: values for name, *values in cells}
     stored = open_run(runs / "melt")
     assert rows["vertices, cells"] == [f"{len(x.rest)}, {len(x.cells)}" for x in stored.levels]
-    assert rows["intersections"] == ["0 in 76 states"] * 2
-    shares = [value for name, value in rows.items() if name.startswith("of it assembly")][0]
+    assert rows["intersections in states"] == ["0 in 76"] * 2
+    shares = [value for name, value in rows.items() if name.startswith("parts")][0]
     assert [98 <= sum(map(int, cell.split(", "))) <= 102 for cell in shares] == [True] * 2
-    own = rows["distance from level 0, at the end (largest)"]
-    assert own[0] == "" and rows["the same with `--method direct`"][0] == ""
-    assert own[1] != rows["the same with `--method direct`"][1] and "m" in rows["the same with `--method direct`"][1]
+    own = rows["from level 0 (largest)"]
+    assert own[0] == "" and rows["`--method direct` (largest)"][0] == ""
+    assert own[1] != rows["`--method direct` (largest)"][1] and "m" in rows["`--method direct` (largest)"][1]
     assert open_run(runs / "melt_direct").info["method"] == "direct"
     assert rows["smallest gap"][1].endswith("um")
     with Image.open(pages / "melt.webp") as film:
