@@ -22,12 +22,12 @@ LINES = {
     # part: (folders or files, lines of code at most)
     "core": (("pdvol", "forms", "meshes"), 32_200),
     "studio": (("pdvol/studio",), 12_500),
-    "tests": (("tests",), 37_600),
+    "tests": (("tests",), 37_700),
     "benchmarks": (("benchmarks",), 8_000),
-    "demos": (("demos",), 4_300),
+    "demos": (("demos",), 4_100),
 }
 """`core` is all but the studio and its vendored library."""
-WORDS = 50_800
+WORDS = 50_000
 """Of all Markdown pages of docs, and README."""
 
 
