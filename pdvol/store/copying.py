@@ -4,12 +4,12 @@ import shutil
 from pathlib import Path
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.store.checksums import NAME as CHECKSUMS
 from pdvol.store.files import jsonable, write_bytes, write_json
-from pdvol.store.folder import late_file, level_folder, run_state, state_file
+from pdvol.store.folder import RUN_FORMAT, late_file, level_folder, run_state
 from pdvol.store.log import log_line, read_log
 from pdvol.store.reader import open_run
 from pdvol.store.render_meshes import render_files
+from pdvol.store.states import States
 
 MESH_FILES = ("mesh.npz", "velocity.npy")  # of a level
 
@@ -34,7 +34,7 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
     Raises
     ------
     InputError
-        `source` is no run.
+        `source` is no run, or one of these states is damaged.
     SimulationError
         The disk cannot be written.
     """
@@ -46,14 +46,16 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
         for level, count in zip(kept, counts, strict=True):
             folder = level_folder(target, level.index)
             folder.mkdir(parents=True, exist_ok=True)
-            files = [level.folder / name for name in MESH_FILES]
-            for step in range(count):
-                files += [late_file(level.folder, step), state_file(level.folder, step)]
-            for file in files:
+            late = [late_file(level.folder, step) for step in range(count)]
+            for file in (*(level.folder / name for name in MESH_FILES), *late):
                 if not (folder / file.name).exists() and file.exists():
                     _copy(file, folder / file.name)
-            if (level.folder / CHECKSUMS).exists():
-                _copy(level.folder / CHECKSUMS, folder / CHECKSUMS)
+            states = States(folder, level.rest.shape)
+            if not states.file.exists():
+                states.create()
+            for step in range(states.count(), count):
+                states.write(step, level.positions(step))
+            states.sync()
         if (source / "obstacles.json").exists():
             shutil.copytree(source / "obstacles", target / "obstacles", dirs_exist_ok=True)
             _copy(source / "obstacles.json", target / "obstacles.json")
@@ -71,7 +73,7 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
     for entry, count, level in zip(entries, counts, kept, strict=True):
         if entry["state"] == "running" or count < level.steps:
             entry["state"] = "interrupted"
-    info = {**jsonable(run.info), "levels": entries, "state": run_state(entries)}
+    info = {**jsonable(run.info), "format": RUN_FORMAT, "levels": entries, "state": run_state(entries)}
     write_json(target / "run.json", info)
     return info
 

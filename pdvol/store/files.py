@@ -1,11 +1,13 @@
 """Files that survive a kill at any instant, and checks of files that are read.
 
 A file is written to a temporary name in its own folder, synced to the disk and renamed over its final name: a reader
-finds the old file, or the new one, or none, never half of one. Arrays are never unpickled.
+finds the old file, or the new one, or none, never half of one. Two kinds only grow, states and the log: their readers
+ignore a part of a record at the end. Arrays are never unpickled.
 """
 
 import contextlib
 import dataclasses
+import errno
 import fcntl
 import io
 import json
@@ -57,13 +59,39 @@ def write_bytes(path: Path, data: bytes | memoryview) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.replace(aside, path)
-        sync_folder(path.parent)
+        sync_file(path.parent)
     except OSError as error:
         with contextlib.suppress(OSError):
             aside.unlink(missing_ok=True)
-        raise SimulationError(
-            f"cannot write {path}: {error.strerror or error}; everything stored before it is kept"
-        ) from error
+        raise not_written(path, error) from error
+
+
+def append(path: Path, data: bytes, begin: int | None = None) -> None:
+    """Write `data` at the end of a file, or from byte `begin` on, where only a part of a record follows.
+
+    Raises
+    ------
+    SimulationError
+        When the disk is full or cannot be written; the file then ends where `data` would begin.
+    """
+    try:
+        file = os.open(path, os.O_WRONLY)
+        try:
+            begin = os.fstat(file).st_size if begin is None else begin
+            if os.pwrite(file, data, begin) < len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        finally:
+            os.close(file)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            if begin is not None:
+                os.truncate(path, begin)
+        raise not_written(path, error) from error
+
+
+def not_written(path: Path, error: OSError) -> SimulationError:
+    """The error of a file that cannot be written."""
+    return SimulationError(f"cannot write {path}: {error.strerror or error}; everything stored before it is kept")
 
 
 def require_room(path: Path, size: int) -> None:
@@ -107,9 +135,9 @@ def require_writable(file: Path) -> None:
         raise InputError(f"{file} cannot be written; choose another file in a folder of yours")
 
 
-def sync_folder(folder: Path) -> None:
-    """Make the names in a folder outlive a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def sync_file(path: Path) -> None:
+    """Make a file, or the names in a folder, outlive a power cut."""
+    descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:

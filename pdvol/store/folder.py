@@ -9,8 +9,7 @@
 | render.json, render/<i>.npz, levels/<l>/render_<i>.npz | surfaces drawn in the place of bodies |
 | levels/<l>/mesh.npz | points, cells, bodies, regions, surface |
 | levels/<l>/velocity.npy | initial velocity (n, d) [m/s] |
-| levels/<l>/<step>.npy | positions (n, d) [m], in the input's order |
-| levels/<l>/checksums.bin | CRC-32 of each step's positions |
+| levels/<l>/states.bin | positions (n, d) [m] of each step, in the input's order |
 | levels/<l>/late_<step>.npz | places of obstacles that contact held back |
 """
 
@@ -24,7 +23,6 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store.checksums import keep_checksums
 from pdvol.store.files import (
     TEMPORARY,
     jsonable,
@@ -32,13 +30,15 @@ from pdvol.store.files import (
     make_folder,
     read_json,
     require_place,
-    sync_folder,
+    sync_file,
     write_array,
     write_arrays,
     write_json,
 )
+from pdvol.store.states import States
 
-RUN_FORMAT = 1  # of run.json: increased when an older pdvol cannot read new folders
+RUN_FORMAT = 2  # of run.json: increased when an older pdvol cannot read new folders
+OLD_FORMAT = 1  # is read, and converted by the next process that writes
 _INFO_TYPES = {
     "scene": str,
     "scene_file": str,
@@ -63,11 +63,6 @@ def level_folder(path: Path, level: int) -> Path:
     return path / "levels" / str(level)
 
 
-def state_file(folder: Path, step: int) -> Path:
-    """Where a level's folder keeps one state."""
-    return folder / f"{step:06d}.npy"
-
-
 def late_file(folder: Path, step: int) -> Path:
     """Where a level's folder keeps the places of obstacles that contact holds back at a step."""
     return folder / f"late_{step:06d}.npz"
@@ -80,10 +75,10 @@ def read_info(path: Path) -> dict:
     except FileNotFoundError as error:
         what = "is not a run folder: it has no run.json" if path.is_dir() else "does not exist"
         raise InputError(f"{path} {what}") from error
-    if info.get("format") != RUN_FORMAT:
+    if info.get("format") not in (OLD_FORMAT, RUN_FORMAT):
         raise InputError(
-            f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {RUN_FORMAT}: use the pdvol"
-            " that wrote it"
+            f"{path} is a run of format {info.get('format')!r}, this pdvol reads formats {OLD_FORMAT} and {RUN_FORMAT}:"
+            " use the pdvol that wrote it"
         )
     _check_info(path / "run.json", info)
     return info
@@ -153,14 +148,11 @@ def new_info(info: Mapping, body_names: Sequence[str]) -> dict:
     }
 
 
-def remove_states(folder: Path, steps: int) -> None:
-    """Remove a level's states from `steps` on, the latest first, so that a kill leaves no gap."""
-    files = {int(file.stem): file for file in folder.glob("[0-9]*.npy")}
-    for step in sorted(files, reverse=True):
-        if step >= steps:
-            files[step].unlink()
-            late_file(folder, step).unlink(missing_ok=True)
-    keep_checksums(folder, steps)
+def keep_late(folder: Path, steps: int) -> None:
+    """Remove the places of obstacles in a level's folder from `steps` on."""
+    for file in folder.glob("late_*.npz"):
+        if int(file.stem.removeprefix("late_")) >= steps:
+            file.unlink()
 
 
 def run_state(levels: list[dict]) -> str:
@@ -177,9 +169,7 @@ def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | 
         raise InputError(f"level {level}: the initial velocity has shape {v.shape}, the mesh {points.shape}")
     folder = level_folder(path, level)
     folder.mkdir(parents=True, exist_ok=True)
-    for stale in folder.glob("*.npy"):  # of a creation that was killed
-        stale.unlink()
-    keep_checksums(folder, 0)
+    States(folder, points.shape).create()
     write_arrays(
         folder / "mesh.npz",
         points=points,
@@ -189,7 +179,7 @@ def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | 
         surface=mesh.boundary,
     )
     write_array(folder / "velocity.npy", v)
-    sync_folder(folder.parent)
+    sync_file(folder.parent)
     return {"vertices": len(points), "cells": len(mesh.cells), "state": "pending"}
 
 

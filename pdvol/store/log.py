@@ -1,11 +1,10 @@
 """`log.jsonl`: one JSON object a line, one line per level and step, in the order in which they were solved."""
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 
-from pdvol.errors import InputError, SimulationError
+from pdvol.errors import InputError
 from pdvol.store.files import jsonable, write_bytes
 
 
@@ -49,28 +48,3 @@ def keep_log(path: Path, keep: Callable[[dict], bool]) -> None:
 def log_line(record: dict) -> bytes:
     """One record as a line of the log."""
     return (json.dumps(jsonable(record)) + "\n").encode()
-
-
-class LogFile:
-    """The log, open for appending. Each record is one write to the system: a kill right after it loses nothing."""
-
-    def __init__(self, path: Path):
-        self.path = path
-        self._file = open(path, "ab", buffering=0)  # closed by close()
-
-    def append(self, record: dict) -> None:
-        """Add a record; SimulationError where the disk cannot be written, and the log is then as before."""
-        data = log_line(record)
-        end = os.fstat(self._file.fileno()).st_size
-        try:
-            written = self._file.write(data)
-            reason = None if written == len(data) else "only a part of the line was written"
-        except OSError as error:
-            reason = error.strerror or str(error)
-        if reason:
-            self._file.truncate(end)  # a full disk must not leave half a line in front of the next one
-            raise SimulationError(f"cannot write {self.path}: {reason}; everything stored before it is kept")
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()

@@ -4,7 +4,7 @@ A run may be read while it is written. Errors name what is missing or damaged, a
 """
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +12,13 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store.checksums import differs
-from pdvol.store.files import is_whole, lock, read_array, read_arrays
-from pdvol.store.folder import late_file, level_folder, read_info, state_file
+from pdvol.store.files import lock, read_array, read_arrays
+from pdvol.store.folder import OLD_FORMAT, late_file, level_folder, read_info
 from pdvol.store.log import read_log
 from pdvol.store.obstacles import DrawnObstacle, read_obstacles
+from pdvol.store.old_states import OldStates
 from pdvol.store.render_meshes import StoredRender, read_render_meshes, read_render_weights
+from pdvol.store.states import States
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -44,8 +45,7 @@ class RunLevel:
         self.index, self.info = index, info
         self.folder = level_folder(run.path, index)
         self._run = run
-        self._known_steps = 0
-        self._latest: dict[tuple[int, int, int], np.ndarray] = {}
+        self._read = lru_cache(KEPT_STATES)(lambda step, stamp: self.states.read(step))
         self._log: tuple[list[dict], list[dict]] = ([], [])  # all records of the run, and those of this level
         self._render_weights: dict[int, csr_matrix] = {}
         self._space: tuple[MPI.Comm, LevelSpace] | None = None
@@ -109,12 +109,16 @@ class RunLevel:
         """(k, d) int64: boundary facets, outward."""
         return self._stored_mesh[1]
 
+    @cached_property
+    def states(self) -> States | OldStates:
+        """The level's states as they are stored."""
+        layout = OldStates if self._run.info["format"] == OLD_FORMAT else States
+        return layout(self.folder, self.rest.shape)
+
     @property
     def steps(self) -> int:
-        """How many whole states there are in a row from step 0 on, step 0 included. Grows while the run is written."""
-        while is_whole(state_file(self.folder, self._known_steps), self.rest.shape):
-            self._known_steps += 1
-        return self._known_steps
+        """How many whole states there are, step 0 included. Grows while the run is written."""
+        return self.states.count()
 
     def positions(self, step: int) -> np.ndarray:
         """(n, d) float64 [m]: positions at the end of `step`; step 0 is the start.
@@ -124,22 +128,11 @@ class RunLevel:
         InputError
             When that state is not there or damaged; the message names the usable states.
         """
-        if step < 0:
+        stamp = self.states.stamp(step)
+        if stamp is None:
             raise InputError(f"{self.folder}: there is no step {step}; {self._usable()}")
-        file = state_file(self.folder, step)
         try:
-            stamp = file.stat()
-            key = step, stamp.st_ino, stamp.st_mtime_ns  # a step that is computed again is another file
-            if key not in self._latest:
-                positions = read_array(file, self.rest.shape)
-                if differs(self.folder, step, positions):
-                    raise InputError(f"{file} is damaged: its numbers are not those that were stored")
-                self._latest[key] = positions
-                if len(self._latest) > KEPT_STATES:
-                    del self._latest[next(iter(self._latest))]
-            return self._latest[key].copy()
-        except FileNotFoundError as error:
-            raise InputError(f"{file} is missing; {self._usable()}") from error
+            return self._read(step, stamp).copy()
         except InputError as error:
             raise InputError(f"{error}; {self._usable(step)}") from error
 

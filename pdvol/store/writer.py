@@ -15,23 +15,24 @@ from pdvol.errors import SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store import obstacles as stored_obstacles
 from pdvol.store import render_meshes as stored_render
-from pdvol.store.checksums import write_checksum
-from pdvol.store.files import TEMPORARY, jsonable, write_array, write_arrays, write_json
+from pdvol.store.files import TEMPORARY, append, jsonable, write_arrays, write_json
 from pdvol.store.folder import (
     LEVEL_STATES,
+    RUN_FORMAT,
     claim,
     hold,
+    keep_late,
     late_file,
     level_folder,
     new_info,
     read_info,
-    remove_states,
     run_state,
-    state_file,
     write_level,
 )
-from pdvol.store.log import LogFile, keep_log
+from pdvol.store.log import keep_log, log_line
+from pdvol.store.old_states import OldStates, remove_old_states
 from pdvol.store.reader import Run
+from pdvol.store.states import States
 
 
 class RunWriter:
@@ -47,9 +48,8 @@ class RunWriter:
     def __init__(self, path: Path, held: TextIO):
         self.path, self._lock = path, held
         self.info: dict = {}
-        self._log: LogFile | None = None
-        self._count: list[int] = []  # whole states per level
-        self._unswept: set[int] = set()  # levels whose folder may hold states beyond a gap
+        self._states: list[States] = []  # by level
+        self._count: list[int] = []  # of states, by level
 
     @classmethod
     def create(
@@ -85,7 +85,7 @@ class RunWriter:
             writer._save()
             for mesh, velocity in zip(meshes, [None] * len(meshes) if velocities is None else velocities, strict=True):
                 writer.add_level(mesh, velocity)
-            writer._open_log()
+            writer._keep_log()
             writer._save_states()
         except BaseException:
             writer.close()
@@ -94,7 +94,8 @@ class RunWriter:
 
     @classmethod
     def open(cls, path: str | Path) -> "RunWriter":
-        """Go on with a stored run: left-overs of a kill are removed, and log lines without their state dropped.
+        """Go on with a stored run: left-overs of a kill are removed, and log lines without their state dropped. States
+        of an older layout are converted.
 
         Raises
         ------
@@ -107,13 +108,20 @@ class RunWriter:
         try:
             run = Run(path)
             writer.info = run.info
-            writer._count = [level.steps for level in run.levels]
-            writer._unswept = set(range(len(run.levels)))
             for aside in path.rglob(f".*{TEMPORARY}"):
                 aside.unlink()
-            writer._open_log()
+            for level in run.levels:
+                if isinstance(level.states, OldStates):
+                    level.states.convert()
+                writer._states.append(States(level.folder, level.rest.shape))
+                writer._count.append(writer._states[-1].repair())
+                keep_late(level.folder, writer._count[-1])
+            writer.info["format"] = RUN_FORMAT
+            writer._keep_log()
             writer._interrupt()  # this process has the lock: no other one writes
             writer._save_states()
+            for level in run.levels:
+                remove_old_states(level.folder)
         except BaseException:
             writer.close()
             raise
@@ -127,6 +135,7 @@ class RunWriter:
         """Append a finer level, with its initial velocity (n, d) [m/s] (at rest when None); returns its index."""
         level = len(self.info["levels"])
         entry = write_level(self.path, level, mesh, velocity)
+        self._states.append(States(level_folder(self.path, level), mesh.points.shape))
         self._count.append(0)
         self.info["dimension"] = mesh.dim
         self.info["levels"].append(entry)
@@ -154,11 +163,9 @@ class RunWriter:
             )
         if step != self._count[level]:
             raise ValueError(f"level {level}: the next state to store is that of step {self._count[level]}, not {step}")
-        self._sweep(level)
         if record is not None:
             self.append_log({"level": level, "step": step, **record})
-        write_checksum(level_folder(self.path, level), step, x)
-        write_array(state_file(level_folder(self.path, level), step), x)
+        self._states[level].write(step, x)
         self._count[level] = step + 1
 
     def write_late(self, level: int, step: int, places: Mapping[int, Mapping[str, np.ndarray]]) -> None:
@@ -171,33 +178,33 @@ class RunWriter:
     def rewind(self, level: int, steps: int) -> None:
         """Keep the first `steps` states of a level and their log records, and remove the later ones."""
         self._count[level] = min(self._count[level], steps)
-        self._unswept.add(level)
-        self._sweep(level)
-        self._open_log()
+        self._states[level].keep(steps)
+        keep_late(level_folder(self.path, level), steps)
+        self._keep_log()
 
     def keep_levels(self, count: int) -> None:
         """Remove all levels but the `count` coarsest, with their states, records and exports."""
         dropped = range(count, len(self.info["levels"]))
         if not dropped:
             return
-        self.info["levels"], self._count = self.info["levels"][:count], self._count[:count]
+        self.info["levels"] = self.info["levels"][:count]
+        self._states, self._count = self._states[:count], self._count[:count]
         self._save_states()  # first: a folder without an entry does no harm
         for level in dropped:
             shutil.rmtree(level_folder(self.path, level), ignore_errors=True)
             for export in self.path.glob(f"level_{level}.*"):
                 export.unlink()
-        self._open_log(set(dropped))
+        self._keep_log(dropped)
 
     def append_log(self, record: Mapping) -> None:
         """Append one record, which names its `level` and `step`; before `write_state` of that step."""
-        if self._log is None:
-            raise ValueError(f"{self.path} is not open for writing")
-        self._log.append(dict(record))
+        append(self.path / "log.jsonl", log_line(dict(record)))
 
     def set_level_state(self, level: int, state: str, **details: Any) -> None:
         """Set a level's state, one of LEVEL_STATES, with details such as `reason`; the run's own state follows."""
         if state not in LEVEL_STATES:
             raise ValueError(f"state {state!r} must be one of {LEVEL_STATES}")
+        self._states[level].sync()
         kept = {key: self.info["levels"][level][key] for key in ("vertices", "cells")}
         self.info["levels"][level] = {**kept, "state": state, **jsonable(details)}
         self._save_states()
@@ -216,12 +223,12 @@ class RunWriter:
         stored_render.write_render_meshes(self.path, entries)
 
     def close(self) -> None:
-        """Close the log and release the lock. A level that was not finished is "interrupted"."""
-        if self._log is not None:
-            self._log.close()
+        """Release the lock. A level that was not finished is "interrupted"."""
         try:
-            if self._interrupt():
-                with suppress(SimulationError):  # the disk may be full: the next writer does it
+            with suppress(SimulationError):  # the disk may be full: the next writer does it
+                for states in self._states:
+                    states.sync()
+                if self._interrupt():
                     self._save_states()
         finally:
             self._lock.close()
@@ -246,18 +253,9 @@ class RunWriter:
         self.info["state"] = run_state(self.info["levels"])
         self._save()
 
-    def _sweep(self, level: int) -> None:
-        """Before the first new state of a level: remove those beyond a gap, which would otherwise seem to follow it."""
-        if level in self._unswept:
-            remove_states(level_folder(self.path, level), self._count[level])
-            self._unswept.discard(level)
-
-    def _open_log(self, dropped: Collection[int] = ()) -> None:
-        """Open the log for appending, without records whose state is not stored and without a torn last line."""
-        if self._log is not None:
-            self._log.close()
+    def _keep_log(self, dropped: Collection[int] = ()) -> None:
+        """Drop the log's records whose state is not stored, and a torn last line."""
         stored = {**dict.fromkeys(dropped, 0), **dict(enumerate(self._count))}
         keep_log(
             self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level", -1), np.inf)
         )
-        self._log = LogFile(self.path / "log.jsonl")

@@ -100,9 +100,9 @@ def test_a_short_study(tmp_path, capsys):
         assert [level["states"] for level in case["levels"]] == [3, 3] and case["levels"][1]["crossing_pairs"] == 0
     for name in ("slit_array_sweep.png", "slit_array_curves.png"):
         assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
-    written = {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")}
+    written = {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("states.bin")}
     assert methods.main(words) == 0  # finished runs are taken as they are
-    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")} == written
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("states.bin")} == written
     assert methods.main([*words[:-1], "/proc/nowhere"]) == 2
 
 

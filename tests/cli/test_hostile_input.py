@@ -18,6 +18,7 @@ import meshio
 import numpy as np
 import pytest
 
+import runs
 from cli_scenes import FALL, pdvol, write
 from commands import SAFETY
 from pdvol.errors import InputError
@@ -403,9 +404,10 @@ def test_states_are_data(inspect_):
         b"",
         b"\x93NUMPY" + b"(" * 70_000,
     ]
-    for name in ("000001.npy", "velocity.npy"):
+    for name in ("states.bin", "velocity.npy"):
         for data in hostile:
             inspect_(lambda run, name=name, data=data: (run / "levels" / "0" / name).write_bytes(data), ("export",))
+    inspect_(lambda run: runs.put_state(run / "levels" / "0", 1, np.full_like(POINTS[:, :2], np.inf)), ("export",))
 
 
 def test_meshes_are_data(inspect_):

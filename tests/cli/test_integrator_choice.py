@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
+import runs
 from cli_scenes import FALL, pdvol, states, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
@@ -53,9 +54,7 @@ def interrupt(run, level, step):
     info = json.loads((run / "run.json").read_text())
     for later in range(level, 2):
         info["levels"][later]["state"] = "running" if later == level else "pending"
-        for file in (run / "levels" / str(later)).glob("[0-9]*.npy"):
-            if later > level or int(file.stem) > step:
-                file.unlink()
+        runs.keep_states(run / "levels" / str(later), step + 1 if later == level else 0)
     lines = (run / "log.jsonl").read_bytes().splitlines(keepends=True)
     (run / "log.jsonl").write_bytes(b"".join(lines[: level * STEPS + step]))
     (run / "run.json").write_text(json.dumps({**info, "state": "running"}))

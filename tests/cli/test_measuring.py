@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+import runs
 from cli_scenes import FALL, SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.geometry.level_mesh import lumped_masses
@@ -260,8 +261,7 @@ def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys, final_picture
 
 def test_an_unfinished_run(folder, tmp_path, final_pictures):
     run = shutil.copytree(folder / "progressive", tmp_path / "run")
-    for step in range(6, STEPS + 1):
-        (run / "levels" / "1" / f"{step:06d}.npy").unlink()
+    runs.keep_states(run / "levels" / "1", 6)
     with final_pictures():
         coarse, fine = measured(run)["levels"]
     assert (coarse["steps"], fine["steps"]) == (STEPS, 5)
@@ -288,6 +288,6 @@ def test_mistakes(folder, tmp_path, capsys):
     assert "same time step" in refuse(folder / "direct", "--against", other)
     (other / "run.json").write_text(json.dumps({**info, "bodies": ["somebody"]}))
     assert "different bodies" in refuse(folder / "direct", "--against", other)
-    for state in (other / "levels").glob("*/0*.npy"):
-        state.unlink()
+    for level in (other / "levels").iterdir():
+        runs.keep_states(level, 0)
     assert "no stored state" in refuse(other)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import runs
 from cli_scenes import FALL, pdvol, pdvol_on_ranks, write
 from on_ranks import results_on
 from pdvol import open_run
@@ -84,8 +85,7 @@ def test_resumed_and_refined_are_as_never_stopped(folder, tmp_path, name):
     assert pdvol("run", scene, "--steps", STEPS, "--levels", "0", "--out", out, *CASES[name]) == 0
     assert pdvol("refine", out, "--to", 1) == 0
     same_motion(out, folder / name)
-    for state in range(4, STEPS + 1):  # as a kill in the fourth step of level 1 leaves it
-        (out / "levels" / "1" / f"{state:06d}.npy").unlink()
+    runs.keep_states(out / "levels" / "1", 4)  # as a kill in the fourth step of level 1 leaves it
     assert pdvol("run", scene, "--steps", STEPS, "--out", out, "--resume", *CASES[name]) == 0
     same_motion(out, folder / name)
 

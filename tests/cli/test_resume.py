@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 
+import runs
 from cli_scenes import FALL, pdvol, states, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
@@ -52,9 +53,7 @@ def test_resume_equals_uninterrupted(tmp_path, scene, whole, level, step):
     # What a kill leaves: states up to a step of a level, nothing after, and a log one line ahead or torn.
     out = shutil.copytree(whole, tmp_path / "run")
     for later in range(level, 2):
-        for file in (out / "levels" / str(later)).glob("[0-9]*.npy"):
-            if later > level or int(file.stem) > step:
-                file.unlink()
+        runs.keep_states(out / "levels" / str(later), step + 1 if later == level else 0)
     lines = (out / "log.jsonl").read_bytes().splitlines(keepends=True)
     kept = level * STEPS + step
     (out / "log.jsonl").write_bytes(b"".join(lines[:kept]) + (lines[kept][:40] if kept < len(lines) else b""))

@@ -197,7 +197,7 @@ def test_a_killed_study_goes_on_and_gives_the_same_points(folder, tmp_path):
         while not (tmp_path / "s" / "runs" / "dt-0.04" / "run.json").exists() and time.monotonic() < deadline:
             time.sleep(0.01)
         process.send_signal(signal.SIGKILL)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "s").glob("runs/default/levels/*/*.npy")}
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "s").glob("runs/default/levels/*/states.bin")}
     assert kept
     assert pdvol("study", tmp_path / "fall.py", "-o", tmp_path / "s", *WORDS) == 0
     assert all(path.stat().st_mtime_ns == time for path, time in kept.items()), "finished runs are not made again"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import runs
 from pdvol import cli, meshes
 from pdvol.measure import verify
 from pdvol.store.writer import RunWriter
@@ -128,7 +129,7 @@ def test_obstacles(tmp_path, dim):
 def test_damaged_states(tmp_path):
     x = two_blocks(2).points
     path = store(tmp_path / "run", 2, [x, x, x])
-    np.save(path / "levels" / "0" / "000001.npy", np.where(x > 2, np.nan, x))
+    runs.put_state(path / "levels" / "0", 1, np.where(x > 2, np.nan, x))
     (line,) = verify.verify_run(path)
     assert line.startswith("level 0 step 1:") and "finite" in line and line.endswith("usable states of level 0: 0, 2")
 
@@ -190,7 +191,7 @@ print(*sorted({name.partition(".")[0] for name in sys.modules}))
 def test_missing_states_of_a_finished_level(tmp_path):
     x = two_blocks(2).points
     path = store(tmp_path / "run", 2, [x, x, x])
-    (path / "levels" / "0" / "000002.npy").unlink()
+    runs.keep_states(path / "levels" / "0", 2)
     assert verify.verify_run(path) == ["level 0: done, with 2 states of 3"]
 
 

@@ -4,8 +4,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
-from pdvol.store.checksums import write_checksum
-from pdvol.store.folder import state_file
+from pdvol.store.states import HEAD, HEADER, NAME, States
 from pdvol.store.writer import RunWriter
 from shapes import together
 
@@ -126,7 +125,33 @@ def stored_run(path, dim: int = 2, counts=(60, 200, 800), steps: int = 20):
     return path
 
 
+def states_of(folder) -> States:
+    """The states of a level's folder; of no vertices where there is no file yet."""
+    file = folder / NAME
+    return States(folder, HEADER.unpack(file.read_bytes()[: HEADER.size])[1:] if file.exists() else (0, 0))
+
+
 def put_state(folder, step, positions):
     """A state of a level's folder in the place of the one that is there, with its checksum."""
-    write_checksum(folder, step, positions)
-    np.save(state_file(folder, step), positions)
+    states = states_of(folder)
+    after = [states.read(later) for later in range(step + 1, states.count())]
+    for number, state in enumerate([positions, *after], start=step):
+        states.write(number, state)
+
+
+def count(folder) -> int:
+    """How many states a level's folder has; 0 before there is one."""
+    return states_of(folder).count()
+
+
+def keep_states(folder, steps: int):
+    """Removes the states of a level's folder from `steps` on."""
+    states_of(folder).keep(steps)
+
+
+def flip_bit(folder, step):
+    """Damages a state of a level's folder: a bit of its last number."""
+    states = states_of(folder)
+    data = bytearray(states.file.read_bytes())
+    data[HEADER.size + (step + 1) * (HEAD.size + 8 * np.prod(states.shape)) - 3] ^= 1
+    states.file.write_bytes(data)

@@ -11,6 +11,7 @@ import runs
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.copying import copy_run
 from pdvol.store.reader import open_run
+from pdvol.store.states import HEADER, MAGIC
 from pdvol.store.writer import RunWriter
 
 INFO = {"scene": "made up", "dt": runs.DT, "steps": 6, "method": "direct", "parameters": {}, "versions": {}}
@@ -19,7 +20,7 @@ INFO = {"scene": "made up", "dt": runs.DT, "steps": 6, "method": "direct", "para
 def test_round_trip(flat_run):
     run = open_run(flat_run)
     assert (
-        run.info["format"] == 1 and run.info["bodies"] == ["left", "right"] and run.info["parameters"] == {"young": 1e5}
+        run.info["format"] == 2 and run.info["bodies"] == ["left", "right"] and run.info["parameters"] == {"young": 1e5}
     )
     assert [level["state"] for level in run.info["levels"]] == ["done", "done"] and run.info["state"] == "done"
     for level, mesh in zip(run.levels, runs.level_meshes(2, (60, 200)), strict=True):
@@ -100,54 +101,66 @@ def test_a_level_is_added_to_a_stored_run(small_run):
 
 
 def test_damaged_states_are_named_and_the_rest_is_usable(small_run):
-    level = small_run / "levels" / "1"
-    whole = (level / "000003.npy").read_bytes()
-    for damage in (whole[:-1], whole[:40], b"", b"\0" * len(whole), whole.replace(b"<f8", b"<f4")):
-        (level / "000003.npy").write_bytes(damage)
+    file = small_run / "levels" / "1" / "states.bin"
+    whole = file.read_bytes()
+    size = (len(whole) - HEADER.size) // 7
+    begin, end = HEADER.size + 3 * size, HEADER.size + 4 * size
+    for damaged in (whole[: end - 1], whole[: begin + 4], whole[:begin]):
+        file.write_bytes(damaged)
         run = open_run(small_run)
         assert [lvl.steps for lvl in run.levels] == [7, 3]
-        with pytest.raises(InputError, match=r"000003.npy .*usable states of level 1: 0 to 2"):
+        with pytest.raises(InputError, match="there is no step 3; usable states of level 1: 0 to 2"):
             run.levels[1].positions(3)
         assert np.isfinite(run.levels[1].positions(2)).all() and np.isfinite(run.levels[0].positions(6)).all()
-    (level / "000003.npy").unlink()
-    with pytest.raises(InputError, match="is missing"):
-        open_run(small_run).levels[1].positions(3)
-    with RunWriter.open(small_run) as writer:  # states beyond the gap must not seem to follow on a new one
+    for at, length in ((begin, size), (begin, 4), (begin + 8, 4), (end - 8, 8)):
+        file.write_bytes(whole[:at] + b"\1" * length + whole[at + length :])
+        run = open_run(small_run)
+        with pytest.raises(InputError, match=r"step 3, is damaged.*usable states of level 1: 0 to 2, 4 to 6"):
+            run.levels[1].positions(3)
+        assert np.isfinite(run.levels[1].positions(4)).all()
+    with RunWriter.open(small_run) as writer:  # states beyond the damaged one are computed again
         writer.write_state(1, 3, open_run(small_run).levels[1].positions(2))
     assert open_run(small_run).levels[1].steps == 4
 
 
+@pytest.mark.parametrize("content", [b"", b"noise" * 400, HEADER.pack(MAGIC, 7, 2) + bytes(400)])
+def test_a_file_that_holds_no_states_is_not_written_over(small_run, content):
+    file = small_run / "levels" / "1" / "states.bin"
+    file.write_bytes(content)
+    assert open_run(small_run).levels[1].steps == 0
+    with pytest.raises(InputError, match=r"states.bin does not hold states of \d+ vertices in 2D"):
+        RunWriter.open(small_run)
+    assert file.read_bytes() == content
+
+
 def test_a_flipped_bit_is_found(small_run, tmp_path, capsys):
-    """By all readers; runs that were stored without checksums open as before, and so do states after a rewind."""
-    state = small_run / "levels" / "1" / "000003.npy"
-    whole = bytearray(state.read_bytes())
+    """By all readers, and by a copy; states after a rewind are new ones."""
     copy_run(small_run, tmp_path / "copy")
-    whole[-3] ^= 1
     for path in (small_run, tmp_path / "copy"):
-        (path / "levels" / "1" / "000003.npy").write_bytes(whole)
+        runs.flip_bit(path / "levels" / "1", 3)
         for _ in range(2):
-            with pytest.raises(InputError, match=r"000003.npy is damaged.*usable states of level 1: 0 to 2, 4 to 6"):
+            with pytest.raises(InputError, match=r"step 3, is damaged.*usable states of level 1: 0 to 2, 4 to 6"):
                 open_run(path).levels[1].positions(3)
         assert pdvol.cli.run(["verify", str(path)]) == 1
-        assert capsys.readouterr().out.count("000003.npy is damaged") == 1
+        assert capsys.readouterr().out.count("step 3, is damaged") == 1
+    with pytest.raises(InputError, match="step 3, is damaged"):
+        copy_run(small_run, tmp_path / "another")
     with RunWriter.open(small_run) as writer:
         x = open_run(small_run).levels[1].positions(2)
         writer.rewind(1, 3)
         writer.write_state(1, 3, x)
     np.testing.assert_array_equal(open_run(small_run).levels[1].positions(3), x)
-    (tmp_path / "copy" / "levels" / "1" / "checksums.bin").unlink()
-    assert np.isfinite(open_run(tmp_path / "copy").levels[1].positions(3)).all()
 
 
-def test_states_are_never_unpickled(small_run):
-    np.save(small_run / "levels" / "0" / "000002.npy", np.array([{}], dtype=object), allow_pickle=True)
+def test_arrays_are_never_unpickled(small_run):
+    np.save(small_run / "levels" / "0" / "velocity.npy", np.array([{}], dtype=object), allow_pickle=True)
     with pytest.raises(InputError, match="damaged"):
-        open_run(small_run).levels[0].positions(2)
+        open_run(small_run).levels[0].velocities(0)
 
 
 def test_other_damage(small_run):
     mesh = small_run / "levels" / "0" / "mesh.npz"
-    for content in (mesh.read_bytes()[:200], b"", (small_run / "levels" / "0" / "000000.npy").read_bytes()):
+    for content in (mesh.read_bytes()[:200], b"", (small_run / "levels" / "0" / "velocity.npy").read_bytes()):
         mesh.write_bytes(content)
         with pytest.raises(InputError, match="level 0 cannot be used, the other levels can"):
             _ = open_run(small_run).levels[0].rest
@@ -157,7 +170,10 @@ def test_other_damage(small_run):
         RunWriter.open(small_run)
 
     info = json.loads((small_run / "run.json").read_text())
-    for entry, message in (({"format": 7}, "a run of format 7, this pdvol reads format 1"), ({"dt": None}, "lacks")):
+    for entry, message in (
+        ({"format": 7}, "of format 7, this pdvol reads formats 1 and 2"),
+        ({"dt": None}, "lacks"),
+    ):
         (small_run / "run.json").write_text(json.dumps({**info, **entry}))
         with pytest.raises(InputError, match=message):
             open_run(small_run)
@@ -221,7 +237,7 @@ def test_a_failed_write_keeps_what_was_stored(small_run):
     with RunWriter.open(small_run) as writer:
         x = open_run(small_run).levels[1].positions(6)
         shutil.move(small_run / "levels" / "1", small_run / "moved")
-        with pytest.raises(SimulationError, match="cannot write .*000007.npy"):
+        with pytest.raises(SimulationError, match="cannot write .*states.bin"):
             writer.write_state(1, 7, x)
         shutil.move(small_run / "moved", small_run / "levels" / "1")
         assert writer.steps(1) == 7

@@ -108,7 +108,7 @@ def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
     near = shared_camera(tiles).half_height
     shutil.copytree(flat_run, tmp_path / "stray")
     folder = tmp_path / "stray" / "levels" / "1"
-    runs.put_state(folder, 6, np.load(folder / "000006.npy") + [1000.0, 0.0])
+    runs.put_state(folder, 6, runs.states_of(folder).read(6) + [1000.0, 0.0])
     stray = Tile("stray", [], open_run(tmp_path / "stray"))
     assert shared_camera([*tiles, stray]).half_height < 1.5 * near
     assert shared_camera([stray]).half_height > 50 * near
@@ -117,7 +117,7 @@ def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
 def test_a_body_that_a_score_names_is_in_the_picture_of_every_tile(tmp_path, flat_run):
     """The throw that goes furthest is the best one, and one of ten."""
     shutil.copytree(flat_run, tmp_path / "far")
-    runs.put_state(tmp_path / "far" / "levels" / "1", 6, np.load(flat_run / "levels" / "1" / "000006.npy") + [9.0, 0.0])
+    runs.put_state(tmp_path / "far" / "levels" / "1", 6, open_run(flat_run).levels[1].positions(6) + [9.0, 0.0])
     paths = [*[flat_run] * 9, tmp_path / "far"]
     entries = [
         {"number": i, "changes": {}, "scores": {'far("right")': i}, "state": "done", "reason": "", "cluster": -1}

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import runs
 from browser import busy, difference
 from cli_scenes import DROP, FALL, write
 from sockets import listening_addresses
@@ -137,7 +138,7 @@ def test_a_shot_is_seen_changed_stepped_gone_on_with_and_kept(tab, live):
     shows(tab, DONE)
     tab.page.get_by_role("button", name="Keep this run").click()
     shows(tab, "kept in")
-    assert (live.folder / "kept" / "fall_1" / "levels" / "1" / f"{STEPS:06d}.npy").exists()
+    assert runs.count(live.folder / "kept" / "fall_1" / "levels" / "1") == STEPS + 1
     tab.page.get_by_role("button", name="newest").click()  # what plays writes its step into the field
     shows(tab, f"step {STEPS},")
     put(tab, "step", 7)
