@@ -80,7 +80,8 @@ class States:
 
     def keep(self, steps: int) -> None:
         """Remove the states from `steps` on."""
-        os.truncate(self.file, min(self._begin(steps), self.file.stat().st_size))
+        if self.file.stat().st_size > self._begin(steps):
+            os.truncate(self.file, self._begin(steps))
 
     def repair(self) -> int:
         """Cut the file where the first state is damaged or not whole; returns the number of states.

@@ -215,7 +215,7 @@ def fine(tmp_path_factory):
 
 
 def test_a_full_disk(tmp_path, disk, fine, capfd):
-    full = disk(64)
+    full = disk(44)
     words, whole = fine
     capfd.readouterr()
     assert pdvol(*words, "--out", full / "run") == 1
