@@ -12,6 +12,7 @@ from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
 from pdvol.solve.report import REMEDIES
+from pdvol.store import reader
 from pdvol.store.log import read_log
 from pdvol.store.states import States
 
@@ -78,10 +79,11 @@ def test_forces_use_the_real_positions_of_obstacles(folder):
     assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0
 
 
-def test_fields_of_all_steps_read_each_state_once(folder, monkeypatch):
+def test_fields_of_all_steps_read_each_file_once(folder, monkeypatch):
     """Those of the level below, too, of whose states the forces at the end of one step look at six."""
     run, read = open_run(folder / "whole"), []
-    read_state = States.read
+    read_array, read_state = reader.read_array, States.read
+    monkeypatch.setattr(reader, "read_array", lambda path, shape: read.append((path, 0)) or read_array(path, shape))
     monkeypatch.setattr(States, "read", lambda self, step: read.append((self.file, step)) or read_state(self, step))
     scene, obstacles = stored_scene(run)
     fields = SceneFields(scene, run, 1, obstacles)
