@@ -84,7 +84,7 @@ class Follower:
 
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step; empty where there is none."""
-        return on_root(self._comm, lambda: next((r for r in self.run.levels[level].log if r.get("step") == step), {}))
+        return on_root(self._comm, lambda: self.run.levels[level].record(step))
 
     def export(self, level: int) -> None:
         """Asks for level_N.xdmf."""

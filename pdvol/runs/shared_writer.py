@@ -99,10 +99,7 @@ class SharedWriter:
 
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step, on every rank; empty where there is none."""
-        return on_root(
-            self.comm,
-            lambda: next((r for r in self._run.levels[level].log if r.get("step") == step), {}),
-        )
+        return on_root(self.comm, lambda: self._run.levels[level].record(step))
 
     def export(self, level: int) -> None:
         """Writes level_N.xdmf, where the run has it."""

@@ -50,12 +50,7 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
             for file in (*(level.folder / name for name in MESH_FILES), *late):
                 if not (folder / file.name).exists() and file.exists():
                     _copy(file, folder / file.name)
-            states = States(folder, level.rest.shape)
-            if not states.file.exists():
-                states.create()
-            for step in range(states.count(), count):
-                states.write(step, level.positions(step))
-            states.sync()
+            States(folder, level.rest.shape).extend(level.positions, count)
         if (source / "obstacles.json").exists():
             shutil.copytree(source / "obstacles", target / "obstacles", dirs_exist_ok=True)
             _copy(source / "obstacles.json", target / "obstacles.json")

@@ -171,16 +171,14 @@ def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     InputError
         When the file is missing, cut short, of another shape or holds numbers that are not finite.
     """
+    if not path.exists():
+        raise InputError(f"{path} is missing")
+    if not is_whole(path, shape):  # before a damaged header can request memory
+        raise InputError(f"{path} is damaged or cut short (it is no float64 array of shape {shape})")
     try:
-        if path.exists() and not is_whole(path, shape):
-            raise ValueError(f"it is no float64 array of shape {shape}")  # before a damaged header can request memory
         array = np.load(path, allow_pickle=False)
-    except FileNotFoundError as error:
-        raise InputError(f"{path} is missing") from error
     except _UNREADABLE as error:
         raise InputError(f"{path} is damaged or cut short ({error})") from error
-    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != np.float64:
-        raise InputError(f"{path} does not hold a float64 array of shape {shape}")
     if not np.isfinite(array).all():
         raise InputError(f"{path} holds numbers that are not finite")
     return array

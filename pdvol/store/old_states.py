@@ -45,9 +45,7 @@ class OldStates:
         """Store the same states as `States` does. The old files stay."""
         states = States(self._folder, self._shape)
         states.create()
-        for step in range(self.count()):
-            states.write(step, self.read(step))
-        states.sync()
+        states.extend(self.read, self.count())
 
     def _file(self, step: int) -> Path:
         return self._folder / f"{step:06d}.npy"

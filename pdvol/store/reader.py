@@ -204,13 +204,13 @@ class RunLevel:
         """[s] how far obstacles were behind their motions at the end of a step, at most."""
         if not late_file(self.folder, step).exists():
             return 0.0
-        return next((record.get("behind", 0.0) for record in self.log if record.get("step") == step), 0.0)
+        return self.record(step).get("behind", 0.0)
 
     def late(self, step: int) -> dict[str, float]:
         """[s] the same of each motion that was behind, by its name in the log, where not all were as far behind."""
         if not late_file(self.folder, step).exists():
             return {}
-        return next((record.get("late", {}) for record in self.log if record.get("step") == step), {})
+        return self.record(step).get("late", {})
 
     @property
     def log(self) -> list[dict]:
@@ -220,6 +220,10 @@ class RunLevel:
             own = [record for record in records if record.get("level") == self.index and "step" in record]
             self._log = records, own
         return list(self._log[1])
+
+    def record(self, step: int) -> dict:
+        """The log's record of a step; empty where there is none."""
+        return next((record for record in self.log if record["step"] == step), {})
 
 
 def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:

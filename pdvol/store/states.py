@@ -11,6 +11,7 @@ import os
 import struct
 import time
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
@@ -42,11 +43,9 @@ class States:
 
     def count(self) -> int:
         """How many whole records there are; 0 where there is no file of this shape."""
-        try:
-            with open(self.file, "rb", buffering=0) as file:  # opened anew: a network file system then asks its server
-                return self._count_in(file)
-        except OSError:
-            return 0
+        with suppress(OSError), open(self.file, "rb", buffering=0) as file:  # anew: network file systems then look
+            return self._count_in(file)
+        return 0
 
     def stamp(self, step: int) -> tuple[int, ...] | None:
         """What changes when a step is computed again; None where it is not stored."""
@@ -69,6 +68,14 @@ class States:
         append(self.file, HEAD.pack(step, zlib.crc32(data)) + data, self._begin(step))
         if now >= self._synced + SYNC_PAUSE:
             self.sync()
+
+    def extend(self, read: Callable[[int], np.ndarray], count: int) -> None:
+        """Store what `read` gives for the steps that lack up to `count`."""
+        if not self.file.exists():
+            self.create()
+        for step in range(self.count(), count):
+            self.write(step, read(step))
+        self.sync()
 
     def sync(self) -> None:
         """Make the states outlive a power cut; SimulationError where the disk cannot be written."""
