@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+import runs
 from exported import READERS
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
