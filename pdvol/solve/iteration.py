@@ -22,6 +22,7 @@ series (a secant).
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 
 import numpy as np
 
@@ -100,7 +101,10 @@ class Iteration:
         return self.cap == 1.0 and self.backtracks == 0 and not self.meets
 
 
-@dataclass(eq=False)
+_serial = count()
+
+
+@dataclass
 class Solve:
     """The state of one minimisation.
 
@@ -120,6 +124,7 @@ class Solve:
     stalled : iterations in a row that have gained nothing
     stalls : how often so many had that a remedy was taken
     balancing : iterations that were made only because forces did not balance yet
+    serial : its number in this process
     """
 
     states: list[Positions]
@@ -136,6 +141,7 @@ class Solve:
     stalled: int = 0
     stalls: int = 0
     balancing: int = 0
+    serial: int = field(default_factory=_serial.__next__)
 
 
 # ---- rules

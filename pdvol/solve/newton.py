@@ -119,7 +119,8 @@ class Newton:
 
     def _energy(self, x: Positions) -> float:
         """The potential at x, evaluated once in a solve."""
-        return x.get((self._solve, "energy"), lambda: self.potential.value(x))
+        # by the solve's number: a state that named its solve would keep itself alive
+        return x.get("energy of a solve", lambda: self.potential.value(x), self._solve.serial)
 
     def _objective(self, snes: PETSc.SNES, vector: PETSc.Vec) -> float:
         """The energy that the line search compares; at round-off the model's, which it accepts. A first trial that

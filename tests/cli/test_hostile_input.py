@@ -162,7 +162,7 @@ def _hang(path):
 
 
 def _devour(path):
-    return {"points": np.ones(2**28)}
+    return {"points": np.ones(2**31)}  # 16 GiB: the limit counts from what the test process holds
 
 
 def _wait(path):
