@@ -139,10 +139,8 @@ class Contact:
         self.dhat, self.kappa = models[0].dhat, models[0].kappa
         contacts, frictions = contact_terms(models, obstacles, self._space)
         self._barrier = contacts[0]
-        self._terms, self._obstacles = (
-            Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions),
-            obstacles,
-        )
+        self._terms = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions)
+        self._obstacles = obstacles
         self._potential = IncrementalPotential(self._space, self._terms, Stopwatch())
 
     def __repr__(self) -> str:

@@ -84,9 +84,7 @@ def stored_lead(run: Run, integrator: Integrator, step: int, model: LevelModel) 
 
 def _past(level: RunLevel, integrator: Integrator, step: int, model: LevelModel) -> Past:
     """The past of a level at the end of a stored step."""
-    found = {record["step"]: record for record in level.log}
-    record = lambda number: found.get(number, {})
-    return past_of(integrator, level.positions, level.velocities(0), step, model.dt, record, model.begins_anew)
+    return past_of(integrator, level.positions, level.velocities(0), step, model.dt, level.record, model.begins_anew)
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:

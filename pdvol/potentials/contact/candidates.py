@@ -292,9 +292,8 @@ class Candidates:
         self._meetings = np.empty(256, MEETING)
         self._reach = np.full(len(surface.objects), np.inf)  # planes, behind all else, have no edges
         self._reach[: len(self.primitives.objects)] = self.primitives.edge_lengths[self.primitives.objects]
-        self._clear: tuple[np.ndarray, np.ndarray, float] | None = (
-            None  # the last way on which nothing met, and its share
-        )
+        # the last way on which nothing met, and its share
+        self._clear: tuple[np.ndarray, np.ndarray, float] | None = None
 
     def contacts(self, vertices: np.ndarray, kappa: float) -> Contacts:
         """The contacts nearer than dhat at positions (n, d) that touch this rank's vertices, and some of others that do
