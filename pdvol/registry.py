@@ -159,8 +159,6 @@ STUDIO = Registry(
         "polyfem_scene": Entry("pdvol.studio.imports.polyfem:polyfem_scene"),
         "read_alembic": Entry("pdvol.studio.imports.alembic_caches:read_alembic"),
         "read_usd": Entry("pdvol.studio.imports.usd_caches:read_usd"),
-        "is_damaged_xdmf": Entry("pdvol.studio.export.xdmf:is_damaged"),
-        "write_xdmf": Entry("pdvol.studio.export.xdmf:write_xdmf"),
     },
 )
 """The functions of `pdvol.studio` that the core calls. It imports nothing of the studio, and finds them here."""

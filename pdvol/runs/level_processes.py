@@ -86,14 +86,6 @@ class Follower:
         """The log's record of a stored step; empty where there is none."""
         return on_root(self._comm, lambda: self.run.levels[level].record(step))
 
-    def export(self, level: int) -> None:
-        """Asks for level_N.xdmf."""
-        self._send("export", (level,), {})
-
-    def finish(self, level: int) -> None:
-        """Reports that a level is done."""
-        self._send("finish", (level,), {})
-
     def watch(self, level: int, total: int, done: int) -> Progress:
         """Has the keeper show the level's progress, by the states that it stores."""
         self._send("watch", (level, total, done), {})
@@ -186,7 +178,7 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
                     if level in watches:
                         watches[level].lasts(arguments[1])
                 else:
-                    getattr(writer, name)(*arguments, **details)
+                    writer.call(*arguments, **details)
                     if arguments[0] == "write_state" and level in watches and isinstance(arguments[-1], dict):
                         watches[level].step(arguments[-1])
     finally:

@@ -33,12 +33,6 @@ class LevelWriter(Protocol):
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step."""
 
-    def export(self, level: int) -> None:
-        """Writes level_N.xdmf."""
-
-    def finish(self, level: int) -> None:
-        """Marks a level as done, with its export."""
-
 
 def run_level(
     model: LevelModel, hierarchy: Hierarchy, method: str, writer: LevelWriter, progress: Watch | None
@@ -54,7 +48,7 @@ def run_level(
     watcher: Progress | None = None
     lasts = lambda record: None if watcher is None else watcher.lasts(record)
     if done > model.steps:
-        writer.finish(level)
+        writer.call("set_level_state", level, "done")
         return
     with stage(f"preparing level {level}"):
         integrator = INTEGRATORS[model.integrator]()
@@ -73,11 +67,10 @@ def run_level(
             writer.call("write_state", level, report.step, report.positions, report.record())
             if watcher is not None:
                 watcher.step(report.record())
-        writer.finish(level)
+        writer.call("set_level_state", level, "done")
     except (SimulationError, InputError) as error:  # a function of the scene may fail during the run
         with suppress(SimulationError):  # the disk may be full; the first error is the one to report
             writer.call("set_level_state", level, "failed", reason=str(error))
-            writer.export(level)
         raise
     finally:
         if watcher is not None:

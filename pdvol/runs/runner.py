@@ -3,6 +3,7 @@
 import platform
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +30,8 @@ from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import DEFAULTS, Shot, stored_file, stored_shot
-from pdvol.runs.shared_writer import Export, SharedWriter
+from pdvol.runs.shared_writer import SharedWriter
+from pdvol.runs.stored_fields import exported
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.solve.linear.option_check import check_options
@@ -83,7 +85,7 @@ def run_scene(
     prolongation : a name in `pdvol.registry.INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
     wavefront : run the levels side by side, each in processes of its own; `comm` then has one rank
-    xdmf : keep level_N.xdmf up to date; without it `pdvol export` makes it later
+    xdmf : write level_N.xdmf at the end; without it `pdvol export` makes it later
     replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
     ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
         cores for when None; `comm` then has one rank
@@ -112,37 +114,34 @@ def run_scene(
     require_ranks(ranks, comm)
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
-    writer = SharedWriter(
-        comm,
-        lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace),
-        (Export(out, scene, obstacles),) if xdmf else (),
-    )
-    try:
-        if wavefront:
-            march_levels(writer, dict.fromkeys(range(first, last + 1), ranks or 1), progress)
-            return out
-        hierarchy = None
-        for level in range(first, last + 1):
-            alone = comm.size > 1 or shot.file is None
-            count = 1 if alone else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
-            if count > 1:
-                try:
-                    march_levels(writer, {level: count}, progress)
-                    continue
-                except NoRanks as error:  # pdvol's own choice must not end a run that one rank can do
-                    if ranks is not None:
-                        raise
-                    ranks = 1
-                    if progress is not None:
-                        print(f"note: {error}; it goes on with one", file=sys.stderr)
-            if hierarchy is None:
-                with stage("numbering the levels"):
-                    hierarchy = Hierarchy(levels.meshes, comm, prolongation)
-            with stage(f"evaluating the scene on level {level}"):
-                model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
-            run_level(model, hierarchy, method, writer, progress)
-    finally:
-        writer.close()
+    writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace))
+    with exported(comm, out, scene, obstacles) if xdmf else nullcontext():
+        try:
+            if wavefront:
+                march_levels(writer, dict.fromkeys(range(first, last + 1), ranks or 1), progress)
+                return out
+            hierarchy = None
+            for level in range(first, last + 1):
+                alone = comm.size > 1 or shot.file is None
+                count = 1 if alone else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
+                if count > 1:
+                    try:
+                        march_levels(writer, {level: count}, progress)
+                        continue
+                    except NoRanks as error:  # pdvol's own choice must not end a run that one rank can do
+                        if ranks is not None:
+                            raise
+                        ranks = 1
+                        if progress is not None:
+                            print(f"note: {error}; it goes on with one", file=sys.stderr)
+                if hierarchy is None:
+                    with stage("numbering the levels"):
+                        hierarchy = Hierarchy(levels.meshes, comm, prolongation)
+                with stage(f"evaluating the scene on level {level}"):
+                    model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
+                run_level(model, hierarchy, method, writer, progress)
+        finally:
+            writer.close()
     return out
 
 

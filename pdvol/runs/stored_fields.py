@@ -1,11 +1,13 @@
 """Contact forces and stresses of stored states, for exports, which import no solver themselves."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.errors import InputError
+from pdvol.errors import InputError, PdvolError
 from pdvol.integrate.integrator import Integrator, Past, past_of
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
@@ -14,15 +16,18 @@ from pdvol.levels.model import LevelModel, hierarchy_model, level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import on_root
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.stress import CauchyStress, von_mises
+from pdvol.registry import FORMATS
 from pdvol.runs.known_scenes import require_known
 from pdvol.runs.scene_file import DEFAULTS, stored_file, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
+from pdvol.stages import stage
 from pdvol.store.folder import require_scene
-from pdvol.store.reader import Run, RunLevel
-from pdvol.store.series import StepFields, described_densities
+from pdvol.store.reader import Run, RunLevel, open_run
+from pdvol.store.series import Fields, StepFields, described_densities, nothing_more
 
 
 class SceneFields:
@@ -66,6 +71,31 @@ class SceneFields:
                 points={"contact_force": self.contact_force(step)} if self._replay.contacts else {},
                 cells={"von_mises": self.von_mises(step)},
             )
+
+
+@contextmanager
+def exported(comm: MPI.Comm, path: Path, scene: Scene, obstacles: Sequence[Obstacle]) -> Iterator[None]:
+    """Runs a simulation, and writes level_N.xdmf of what it has stored, also where it cannot go on. Collective."""
+
+    def export() -> None:
+        def fields(level: int) -> Fields:
+            try:
+                return SceneFields(scene, run, level, obstacles)
+            except (ValueError, RuntimeError):  # a user's law may fail here alone
+                return nothing_more
+
+        run = open_run(path)
+        levels = [level.index for level in run.levels if level.steps]
+        FORMATS["xdmf"](run, levels, path, fields)
+
+    try:
+        yield
+    except PdvolError:
+        with suppress(PdvolError):  # there may be no run, or the disk may be full; the first error is the one to report
+            on_root(comm, export)
+        raise
+    with stage("exporting xdmf"):
+        on_root(comm, export)
 
 
 def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:

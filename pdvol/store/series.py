@@ -68,7 +68,6 @@ class Series:
             raise InputError(f"{run.path} has levels 0 to {len(run.levels) - 1}, not {level}")
         self.level: RunLevel = run.levels[level]
         self.dt, self.steps, self._more = run.dt, self.level.steps, more
-        self.kind = "stored" if more is nothing_more else "all"  # which fields there are
         if self.steps == 0:
             raise InputError(f"{run.path}: level {level} has no stored state to export")
 

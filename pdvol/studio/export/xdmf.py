@@ -1,12 +1,11 @@
 """XDMF time series with HDF5 data, for ParaView, Blender's importers and meshio; also of a run that is not finished.
 
 `level_N.xdmf` is XML and names `level_N.h5` beside it, so the two can be moved together. The rest geometry and the
-cells' data are stored once and referred to by every step; each step adds its fields. Steps that an earlier export holds
-are taken from it. (meshio's own writer puts the HDF5 file into the working directory.)
+cells' data are stored once and referred to by every step; each step adds its fields. (meshio's own writer puts the HDF5
+file into the working directory.)
 """
 
-import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -61,109 +60,47 @@ def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_mo
     series = Series(run, level, more)
     data = path.with_suffix(".h5")
     # The data first: an old .xdmf finds its steps in new data, while a new one would miss some in the old.
-    with written_aside(data, series.size) as aside, _open_aside(data, aside, series) as file:
+    with written_aside(data, series.size) as aside, h5py.File(aside, "w") as file:
         xml = _write_data(file, data.name, series)
     ET.indent(xml)
     write_bytes(path, b'<?xml version="1.0"?>\n' + ET.tostring(xml) + b"\n")
     return path
 
 
-def is_damaged(path: Path) -> bool:
-    """Whether an .xdmf file is there that cannot be read, or whose data cannot; a missing one is not damaged."""
-    if not path.exists():
-        return False
-    try:
-        ET.parse(path)
-        h5py.File(path.with_suffix(".h5"), "r").close()
-    except (ET.ParseError, OSError, RuntimeError):
-        return True
-    return False
-
-
-def _open_aside(data: Path, aside: Path, series: Series) -> h5py.File:
-    """The file to write to, with the steps of an earlier export of the same mesh."""
-    if data.is_file():
-        try:
-            shutil.copyfile(data, aside)
-            file = h5py.File(aside, "r+")
-            same = all(np.array_equal(file[key], values) for key, values in _mesh(series).items())
-            if same and "steps" in file:
-                return file
-            file.close()
-        except (OSError, RuntimeError, KeyError):  # damaged: begin anew
-            pass
-    return h5py.File(aside, "w")
-
-
-def _mesh(series: Series) -> dict[str, np.ndarray]:
-    return {"mesh/points": series.level.rest, "mesh/cells": series.level.cells}
-
-
 def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
     """Fill the HDF5 file step by step (only one is ever in memory) and return the XML that describes it."""
 
-    def item(parent: ET.Element, key: str, array: np.ndarray | h5py.Dataset) -> None:
+    def item(parent: ET.Element, key: str, array: np.ndarray) -> None:
+        """Refers to an array, and writes it where the file lacks it."""
+        if key not in file:
+            file[key] = array
         shape, kind, precision = " ".join(map(str, array.shape)), array.dtype.kind, str(array.dtype.itemsize)
         ET.SubElement(
             parent, "DataItem", Dimensions=shape, NumberType=_NUMBER_TYPES[kind], Precision=precision, Format="HDF"
         ).text = f"{name}:/{key}"
 
-    def attribute(grid: ET.Element, key: str, centre: str, array: np.ndarray | h5py.Dataset) -> None:
+    def attribute(grid: ET.Element, key: str, centre: str, array: np.ndarray) -> None:
         rank, label = "Vector" if array.ndim == 2 else "Scalar", key.rpartition("/")[2]
         item(ET.SubElement(grid, "Attribute", Name=label, AttributeType=rank, Center=centre), key, array)
 
-    mesh, labels = _mesh(series), {f"mesh/{label}": values for label, values in series.labels.items()}
-    for key, values in {**mesh, **labels}.items():
-        if key not in file:
-            file[key] = values
+    rest, cells = series.level.rest, series.level.cells
     root = ET.Element("Xdmf", Version="3.0")
     domain = ET.SubElement(root, "Domain")
     collection = ET.SubElement(
         domain, "Grid", Name=f"level {series.level.index}", GridType="Collection", CollectionType="Temporal"
     )
-    rest, cells = mesh.values()
     shape, geometry = ("Triangle", "XY") if rest.shape[1] == 2 else ("Tetrahedron", "XYZ")
-    _drop_other_steps(file, series)
     for step in range(series.steps):
-        fields = _write_step(file, series, step)
+        fields = series.fields(step)
         grid = ET.SubElement(collection, "Grid", Name=f"step {step}", GridType="Uniform")
         # Every step names the shared mesh itself: readers without XInclude understand it too.
         topology = ET.SubElement(grid, "Topology", TopologyType=shape, NumberOfElements=str(len(cells)))
         item(topology, "mesh/cells", cells)
         item(ET.SubElement(grid, "Geometry", GeometryType=geometry), "mesh/points", rest)
         ET.SubElement(grid, "Time", Value=repr(step * series.dt))
-        for centre, arrays in fields.items():
-            for label, stored in sorted(arrays.items()):
-                attribute(grid, f"steps/{step}/{centre}/{label}", centre, stored)
-        for key, values in labels.items():
-            attribute(grid, key, "Cell", values)
+        for centre, arrays in (("Node", fields.points), ("Cell", fields.cells)):
+            for label, values in sorted(arrays.items()):
+                attribute(grid, f"steps/{step}/{centre}/{label}", centre, values)
+        for label, values in series.labels.items():
+            attribute(grid, f"mesh/{label}", "Cell", values)
     return root
-
-
-def _drop_other_steps(file: h5py.File, series: Series) -> None:
-    """Remove the steps of an earlier export that the run no longer holds because it was rewound."""
-    for key in list(file.require_group("steps")):
-        if int(key) >= series.steps:
-            del file["steps"][key]
-
-
-def _write_step(file: h5py.File, series: Series, step: int) -> dict[str, Mapping[str, np.ndarray | h5py.Dataset]]:
-    """The step's fields, of points as `Node` and of cells as `Cell`, which the file holds from now on."""
-    steps = file["steps"]
-    if str(step) in steps:
-        group = steps[str(step)]
-        # Of an earlier export, which may hold fewer fields, or of a run that was rewound.
-        if group.attrs.get("fields") == series.kind and np.array_equal(
-            group["Node/displacement"], series.displacement(step)
-        ):
-            return {centre: dict(group[centre].items()) for centre in ("Node", "Cell")}
-        del steps[str(step)]
-    fields = series.fields(step)
-    found: dict[str, Mapping] = {"Node": fields.points, "Cell": fields.cells}
-    group = steps.create_group(str(step))
-    for centre, values in found.items():
-        inner = group.create_group(centre)
-        for label, array in values.items():
-            inner[label] = array
-    group.attrs["fields"] = series.kind
-    return found

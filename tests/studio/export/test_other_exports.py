@@ -5,24 +5,20 @@ elsewhere.
 import json
 import shutil
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import h5py
 import meshio
 import numpy as np
 import pytest
 
-import runs
 import shapes
 from pdvol import Body, FixedCorotational, NeoHookean, Scene, StVenantKirchhoff, open_run
 from pdvol.geometry.level_mesh import vertex_strain
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.runs.stored_fields import SceneFields
-from pdvol.store.series import StepFields
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
-from pdvol.studio.export.xdmf import write_xdmf
 
 YOUNG, POISSON, DENSITY, GRAVITY, DT = 2e5, 0.3, 1000.0, 9.81, 0.02
 
@@ -164,31 +160,6 @@ def test_names_of_bodies_do_not_lead_outside_the_folder(resting, tmp_path):
         export_run(resting, kind, tmp_path / kind)
     assert _others(resting.parent.parent, tmp_path) == before
     assert "o ______block" in (tmp_path / "obj" / "level_0" / "000000.obj").read_text().splitlines()
-
-
-def test_an_export_goes_on_where_the_earlier_one_ended(small_run, tmp_path):
-    level = small_run / "levels" / "0"
-    last = open_run(small_run).levels[0].positions(6)
-    runs.keep_states(level, 6)
-    path = write_xdmf(open_run(small_run), 0, tmp_path / "level_0.xdmf")
-    asked = []
-
-    def more(step):
-        asked.append(step)
-        return StepFields()
-
-    write_xdmf(open_run(small_run), 0, path, more)
-    assert asked == list(range(6)), "fields that the earlier export lacks are added"
-    runs.put_state(level, 6, last)
-    write_xdmf(open_run(small_run), 0, path, more)
-    assert asked == list(range(7))
-    runs.put_state(level, 3, runs.states_of(level).read(3) + 1.0)  # a run that was rewound and took another way
-    write_xdmf(open_run(small_run), 0, path, more)
-    assert asked[7:] == [3]
-    (tmp_path / "level_0.h5").write_bytes((tmp_path / "level_0.h5").read_bytes()[:1000])
-    write_xdmf(open_run(small_run), 0, path, more)
-    assert asked[8:] == list(range(7))
-    ET.parse(path)
 
 
 def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
