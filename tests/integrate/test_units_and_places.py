@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 import pdvol
+from contact_reference import DHAT, KAPPA, brute_force_energy, random_tetrahedra, two_boxes
 from pdvol import Barrier, Body, Gravity, NeoHookean, Plane, Relative, Rotation, Scene, Solver, Support
 from pdvol.meshes import Solid
+from pdvol.potentials.contact.barrier import ContactBarrier
+from pdvol.potentials.potential import Positions
 from shapes import grid
 
 MILLIGRAMS = 2.0**-27  # of a kilogram, about 7: a power of two changes no digit
@@ -72,3 +75,21 @@ def test_bodies_of_milligrams_move_as_those_of_kilograms(turns):
         assert one.report.behind == other.report.behind
         assert abs(one.report.newton_iterations - other.report.newton_iterations) <= 2
         assert np.abs(one.positions - other.positions).max() < 1e-5 * 0.4
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_contact_does_not_see_where_the_origin_is(d):
+    """To the last bit, a kilometre off: a gap is a sum of differences, of which none is rounded here."""
+    spaces = [two_boxes(d, obstacle=False)]
+    if d == 3:  # pairs of edges that cross
+        spaces += [random_tetrahedra(seed, size=(0.5 + seed % 5) * DHAT) for seed in range(40)]
+    away, grain, edges = 1024.0, 2.0**-36, 0
+    for seed, (space, candidates) in enumerate(spaces):
+        barrier = ContactBarrier(candidates, KAPPA)
+        noise = 0.1 * DHAT * np.random.default_rng(seed).uniform(-1.0, 1.0, space.mesh.points.shape)
+        x = np.round(space.from_input(space.mesh.points + noise) / grain) * grain
+        found = [(barrier.value(at), barrier.gradient(at)) for at in (Positions(space, x), Positions(space, x + away))]
+        assert found[0][0] == found[1][0] > 0.0 or found[0][0] == 0.0
+        np.testing.assert_array_equal(found[0][1], found[1][1])
+        edges += sum(brute_force_energy(candidates, candidates.surface.vertices(Positions(space, x)))[1:]) > 0.0
+    assert d == 2 or edges > 10

@@ -133,8 +133,8 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
     if (!(s0 > 0.0 && t0 > 0.0 && s0 < det && t0 < det))
         return;
     const double c[4] = {1.0 - s0 / det, s0 / det, t0 / det - 1.0, -t0 / det};
-    for (int j = 0; j < 3; ++j)
-        gap[j] = c[0] * at[0][j] + c[1] * at[1][j] + c[2] * at[2][j] + c[3] * at[3][j];
+    for (int j = 0; j < 3; ++j) /* from differences alone: far from the origin coordinates have lost the digits of a gap */
+        gap[j] = c[1] * a[j] + c[3] * b[j] - w[j];
     const double D = dot(3, gap, gap);
     if (!(D < dhat * dhat))
         return;
