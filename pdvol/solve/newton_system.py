@@ -13,7 +13,8 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
-from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
+from pdvol.solve.linear.petsc_methods import wants_general_matrix
+from pdvol.solve.linear.solver import LinearSolver
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import Stopwatch
 

@@ -146,7 +146,7 @@ def test_a_solve_goes_on_with_a_better_coarse_space_where_there_is_one(space, mo
     found = {}
     for count in (1, 2):
         made = solver(space, system, linear=setting, linear_rtol=1e-10)
-        made._make_coarse = lambda count=count: spaces[:count]
+        made.gradients._make_spaces = lambda count=count: spaces[:count]
         solution = right.duplicate()
         made.solve(right, solution)
         residual = matrix @ solution.getArray() - right.getArray()
@@ -155,7 +155,7 @@ def test_a_solve_goes_on_with_a_better_coarse_space_where_there_is_one(space, mo
         assert made.memory["coarse"] == count - 1 and made.memory["method"] == "multilevel"
     assert found[2] < found[1]
     resumed = solver(space, system, linear=setting, linear_rtol=1e-10)
-    resumed._make_coarse = lambda: spaces
+    resumed.gradients._make_spaces = lambda: spaces
     resumed.restore(made.memory)
     resumed.solve(right, solution)
     assert resumed.ksp.getIterationNumber() < found[2] and resumed.memory["coarse"] == 1
@@ -299,11 +299,11 @@ def test_an_error_of_mumps_is_a_failed_solve(space):
         def solve(self, *_):
             raise PETSc.Error(self.code)
 
-    inner, right = made._inner, space.create_vector()
-    made._inner = Broken(inner, 76)
+    inner, right = made.petsc.ksp, space.create_vector()
+    made.petsc.ksp = Broken(inner, 76)
     with pytest.raises(SimulationError, match="linear solve failed"):
         made.solve(right, right.duplicate())
-    made._inner = Broken(inner, 62)  # wrong arguments are a mistake of pdvol
+    made.petsc.ksp = Broken(inner, 62)  # wrong arguments are a mistake of pdvol
     with pytest.raises(PETSc.Error):
         made.solve(right, right.duplicate())
 

@@ -9,7 +9,7 @@ import numpy as np
 from pdvol.compat import PETSc
 from pdvol.errors import InputError
 from pdvol.scene import Solver
-from pdvol.solve.linear.solver import parse_options, set_options
+from pdvol.solve.linear.petsc_methods import parse_options, set_options
 
 TRIED_ROWS = 200  # of the matrix that options are tried on: multigrid has two levels there
 _serial = count()

@@ -16,12 +16,12 @@ from contextlib import AbstractContextManager, nullcontext
 from itertools import count
 from weakref import proxy
 
-from mpi4py import MPI
-
 from pdvol.compat import PETSc
-from pdvol.errors import InputError, SimulationError
+from pdvol.errors import SimulationError
 from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import CoarseSpace
+from pdvol.solve.linear.gradients import ConjugateGradients
+from pdvol.solve.linear.petsc_methods import MUMPS_WORKSPACES, PetscMethods, set_options
 from pdvol.solve.linear.system_matrix import SystemMatrix
 
 LINEAR_METHODS = ("iterative", "multilevel", "direct")
@@ -31,14 +31,6 @@ COARSE_SETUP = 8
 # iterations at which conjugate gradients have failed: a direct solve costs about as much (400 to 1,000, from 500 to
 # 20,000 vertices)
 MAX_ITERATIONS = 500
-# per cent on top of MUMPS' estimate of its work array, tried in turn: it estimates from the pattern and gives up
-# (INFOG(1) = -9) where pivoting on several ranks needs more
-MUMPS_WORKSPACES = (100, 400, 1600)
-# size of a block, over the mean of those on the diagonal beside it, below which the incomplete factor of smoothed
-# elements leaves it out: they have 2.5 times the blocks of linear ones, and a factor takes 10 times as long; without
-# weak blocks half of them are left, a factor takes a fifth of the time, and a solve 7 iterations instead of 6.
-WEAK = 0.03
-LIBRARY_ERROR = 76  # PETSC_ERR_LIB, without a unit: PETSc's code for an error of a library that it calls
 _serial = count()
 _Reasons = PETSc.KSP.ConvergedReason
 
@@ -54,13 +46,14 @@ class LinearSolver:
     ksp : PETSc.KSP
         Becomes one that solves by this object.
     settings : Solver
-    coarse : called when a coarse space is needed for the first time; gives them from the cheapest to the best
+    coarse, dense : as `ConjugateGradients` takes them
     timed : makes the context in which solves run, for a stopwatch
-    dense : whether rows have so many blocks that the incomplete factor leaves out weak ones
 
     Attributes
     ----------
     method : the one of LINEAR_METHODS in use
+    gradients : ConjugateGradients
+    petsc : PetscMethods
     """
 
     def __init__(
@@ -71,45 +64,27 @@ class LinearSolver:
         timed: Callable[[], AbstractContextManager[None]] = nullcontext,
         dense: bool = False,
     ):
-        self.ksp, self.settings, self._make_coarse = ksp, settings, coarse
-        self._spaces: Sequence[CoarseSpace] = ()
-        self._space = 0  # index of the one in use
-        self._system: SystemMatrix
-        self._workspace = 0
-        self._is_factored, self._coarse_is_current, self._is_definite = False, False, True
+        self.ksp, self.settings = ksp, settings
+        self.gradients = ConjugateGradients(coarse, dense)
+        self.petsc = PetscMethods(PETSc.KSP().create(ksp.comm), settings)
         self._failures = 0  # of conjugate gradients in a row, in this step
-        self._has_solved = False  # a system, since the method was changed
-        self._fresh_iterations: int | None = None
-        self._excess = 0
-        self._drop = WEAK if dense else 0.0
-        self._options = parse_options(settings.petsc)
         self._first_method = "iterative" if settings.linear == "auto" else settings.linear
-        self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setType(PETSc.KSP.Type.PYTHON)
         ksp.setPythonContext(_Context(proxy(self), timed))  # PETSc keeps the context: see `callbacks.weakly`
         ksp.pc.setType(PETSc.PC.Type.NONE)
-        self._inner = PETSc.KSP().create(ksp.comm)  # what PETSc's own methods run in
-        for solver in (ksp, self._inner):
-            solver.setOptionsPrefix(self.prefix)
+        prefix = f"pdvol_{next(_serial)}_"
+        for solver in (ksp, self.petsc.ksp):
+            solver.setOptionsPrefix(prefix)
             solver.setTolerances(rtol=settings.linear_rtol, max_it=MAX_ITERATIONS)
         self._use(self._first_method)
 
     def _use(self, method: str) -> None:
-        self.method, inner = method, self._inner
-        self._coarse_is_current = self._has_solved = False
-        self._by_petsc = method == "direct" or any(name in self._options for name in ("ksp_type", "pc_type"))
-        if not self._by_petsc:
-            set_options(self.ksp, self._options)
-            return
-        inner.reset()  # a factor keeps the options it was made with
-        if method == "direct":
-            inner.setType(PETSc.KSP.Type.PREONLY)
-            inner.pc.setType(PETSc.PC.Type.CHOLESKY)
-            inner.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-            set_options(inner, {"mat_mumps_icntl_14": str(MUMPS_WORKSPACES[self._workspace])})
+        self.method, self.gradients.is_current = method, False
+        self._by_petsc = method == "direct" or self.petsc.are_named
+        if self._by_petsc:
+            self.petsc.use(method == "direct")
         else:
-            inner.setType(PETSc.KSP.Type.CG)
-        set_options(inner, self._options)
+            set_options(self.ksp, self.petsc.options)
 
     @property
     def memory(self) -> dict:
@@ -119,8 +94,8 @@ class LinearSolver:
         return {
             "linear": self.settings.linear,
             "method": self._first_method,
-            "coarse": self._space,
-            "workspace": self._workspace,
+            "coarse": self.gradients.space,
+            "workspace": self.petsc.workspace,
         }
 
     def restore(self, memory: Mapping) -> None:
@@ -137,15 +112,15 @@ class LinearSolver:
             or not (isinstance(workspace, int) and workspace >= 0)
         ):
             return
-        self._first_method, self._space = method, space
-        self._workspace = min(workspace, len(MUMPS_WORKSPACES) - 1)
+        self._first_method, self.gradients.space = method, space
+        self.petsc.workspace = min(workspace, len(MUMPS_WORKSPACES) - 1)
         self._use(method)
 
     def begin_step(self) -> None:
         """Goes back from the direct method where that was a remedy, and marks the coarse operator as outdated: the step
         depends on its start and `memory` alone.
         """
-        self._coarse_is_current, self._failures = False, 0
+        self.gradients.is_current, self._failures = False, 0
         if self.method != self._first_method:
             self._use(self._first_method)
 
@@ -153,8 +128,8 @@ class LinearSolver:
         """After an assembly of `system`: the next solves are with it. One system that took the direct method says
         little of the next one, two in a row do.
         """
-        self._system, self._is_factored = system, False
-        if self.method == "direct" and self._failures == 1 and self._has_solved:
+        self.gradients.set_matrix(system)
+        if self.method == "direct" and self._failures == 1 and self.petsc.has_solved:
             self._use(self._first_method)
 
     # ---- one solve
@@ -163,7 +138,7 @@ class LinearSolver:
         """Solves with the last matrix; `near` says that `solution` is near the one sought. Raises SimulationError where
         every method fails. Collective.
         """
-        self.ksp.setOperators(self._system.shell)
+        self.ksp.setOperators(self.gradients.system.shell)
         self.ksp.setInitialGuessNonzero(near)
         self.ksp.solve(right, solution)
         self.ksp.setInitialGuessNonzero(False)
@@ -178,28 +153,19 @@ class LinearSolver:
         `solution` where that is `near` the one sought, and goes on with a coarse space after many iterations if it
         may choose. Collective.
         """
+        gradients, with_coarse = self.gradients, self.method == "multilevel"
         if self._by_petsc:
-            self._inner.setOperators(self._system.petsc)
-            try:
-                self._inner.solve(right, solution)
-            except PETSc.Error as error:  # MUMPS was called once more after a factorisation that had failed
-                if error.ierr != LIBRARY_ERROR:
-                    raise
-                self._inner.reset()
-                return _Reasons.DIVERGED_PCSETUP_FAILED, 0
-            self._has_solved = self._inner.getConvergedReason() > 0
-            return self._inner.getConvergedReason(), self._inner.getIterationNumber()
-        self._prepare()
-        if not self._is_definite:
+            return self.petsc.solve(gradients.system, right, solution)
+        if not gradients.prepare(with_coarse):
             return _Reasons.DIVERGED_INDEFINITE_MAT, 0
         tolerance, _, _, most = self.ksp.getTolerances()
         start = solution.getArray(readonly=True) if near else None
         enough = self._enough(most)
-        found, reason, iterations = self._system.solve(right.getArray(readonly=True), tolerance, enough, start)
+        found, reason, iterations = gradients.system.solve(right.getArray(readonly=True), tolerance, enough, start)
         solution.setArray(found)
         if enough < most and reason == _Reasons.DIVERGED_MAX_IT:
-            if self.method == "multilevel":
-                self._space += 1
+            if with_coarse:
+                gradients.space += 1
             self._change("multilevel")
             reason, more = self.solve_once(right, solution, True)
             iterations += more
@@ -212,35 +178,8 @@ class LinearSolver:
         half of them, or more.
         """
         if self.method == "multilevel":
-            return min(most, 4 * COARSE_SETUP) if self._space + 1 < len(self._spaces) else most
+            return min(most, 4 * COARSE_SETUP) if self.gradients.has_better else most
         return min(most, 2 * COARSE_SETUP) if self.settings.linear == "auto" else most
-
-    def _prepare(self) -> None:
-        """Factors a new matrix, and renews an outdated coarse operator. Collective."""
-        system = self._system
-        if not self._is_factored:
-            self._is_definite, self._is_factored = self._factor_incompletely(), True
-        coarse = self._coarse_space() if self.method == "multilevel" else None
-        system.compiled.nodes = coarse.size if coarse is not None else 0
-        if coarse is None or not coarse.size:
-            return
-        if not self._coarse_is_current:
-            self._is_definite = coarse.update(system.rows) and self._is_definite
-            self._coarse_is_current, self._fresh_iterations = self._is_definite, None
-        coarse.give(system.compiled)
-
-    def _coarse_space(self) -> CoarseSpace:
-        self._spaces = self._spaces or self._make_coarse()
-        return self._spaces[min(self._space, len(self._spaces) - 1)]
-
-    def _factor_incompletely(self) -> bool:
-        """Incomplete Cholesky factor of the new matrix. Returns whether the matrix may be positive definite: all
-        diagonal blocks are. Collective.
-        """
-        tries = self._system.factor_incompletely(self._drop)
-        if tries == 0:
-            raise MemoryError("no memory left for the incomplete factor")
-        return self._system.space.reduce(tries > 0, MPI.LAND)
 
     # ---- the choice
 
@@ -252,11 +191,9 @@ class LinearSolver:
             return
         if self.settings.linear == "auto" and 2 * iterations < COARSE_SETUP:
             self._change("iterative")
-        elif self._fresh_iterations is None:
-            self._fresh_iterations, self._excess = iterations, 0
-        else:  # renewed once what it has cost to keep it would have paid for that
-            self._excess += iterations - self._fresh_iterations
-            self._coarse_is_current = self._excess <= COARSE_SETUP
+        else:
+            # renewed once what it has cost to keep it would have paid for that
+            self.gradients.is_current = self.gradients.lost(iterations) <= COARSE_SETUP
 
     def _change(self, method: str) -> None:
         self._first_method = method
@@ -268,9 +205,7 @@ class LinearSolver:
         """
         if self.method != "direct":
             self._failures += 1
-        elif self._workspace + 1 < len(MUMPS_WORKSPACES):
-            self._workspace += 1
-        else:
+        elif not self.petsc.enlarge_workspace():
             return False
         self._use("direct")
         return True
@@ -288,19 +223,12 @@ class LinearSolver:
         """Whether an indefinite matrix would be detected: by a failure of conjugate gradients, or by
         `found_indefinite`.
         """
-        pc = self._inner.pc
-        return self.method != "direct" or (
-            pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == PETSc.Mat.SolverType.MUMPS
-        )
+        return self.method != "direct" or self.petsc.counts_pivots
 
     @property
     def found_indefinite(self) -> bool:
         """Whether the last solve was direct and met negative pivots. Collective."""
-        return (
-            self.method == "direct"
-            and self.detects_indefinite
-            and self._inner.pc.getFactorMatrix().getMumpsInfog(12) > 0
-        )
+        return self.method == "direct" and self.detects_indefinite and self.petsc.negative_pivots > 0
 
 
 class _Context:
@@ -314,33 +242,3 @@ class _Context:
             reason, iterations = self._solver.solve_once(right, solution, ksp.getInitialGuessNonzero())
         ksp.setIterationNumber(iterations)
         ksp.setConvergedReason(reason)
-
-
-def set_options(ksp: PETSc.KSP, options: dict[str, str]) -> None:
-    """Gives options to a solver, which has a prefix of its own."""
-    database = PETSc.Options(ksp.getOptionsPrefix())
-    # options of factors are read late, and never where no factor is made: PETSc must not warn of them
-    PETSc.Options()["options_left"] = "no"
-    for name, value in options.items():
-        database[name] = value
-    ksp.setFromOptions()
-
-
-def wants_general_matrix(settings: Solver) -> bool:
-    """Whether the user's options name a preconditioner: it may not support symmetric blocked matrices."""
-    return any(name.endswith("pc_type") for name in parse_options(settings.petsc))
-
-
-def parse_options(text: str) -> dict[str, str]:
-    """PETSc options "-a 1 -b" as a dictionary."""
-    options: dict[str, str] = {}
-    name = None
-    for word in text.split():
-        if word.startswith("-") and not word[1:2].isdigit():
-            name = word.lstrip("-")
-            options[name] = ""
-        elif name is None:
-            raise InputError(f'petsc = "{text}": options look like "-ksp_rtol 1e-6"')
-        else:
-            options[name], name = word, None
-    return options
