@@ -21,7 +21,8 @@ from contact_reference import (
 from pdvol.levels.script import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
-from pdvol.potentials.contact.candidates import LIST_SLACK, Candidates
+from pdvol.potentials.contact.candidates import Candidates
+from pdvol.potentials.contact.pair_list import LIST_SLACK
 from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
 from pdvol.scene import Translation
@@ -344,13 +345,13 @@ def bounds_of(pairs, vertices):
     """What the list's pairs of points and of edges are apart at least (k,) at positions (n, d): their bounds, less the
     share of the way times their rates, and twice the largest distance from the way.
     """
-    counts, (begin, end) = (len(pairs.points), len(pairs.edges)), pairs._way
+    counts, (begin, end) = (len(pairs.points), len(pairs.edges)), pairs.pairs.way
     size = np.vdot(end - begin, end - begin)
     share = np.clip(np.vdot(vertices - begin, end - begin) / size, 0.0, 1.0) if size else 0.0
     off = np.linalg.norm(vertices - begin - share * (end - begin), axis=1).max()
     return [
         bounds[:count] - share * rates[:count] - 2.0 * off
-        for bounds, rates, count in zip(pairs._bounds, pairs._rates, counts, strict=True)
+        for bounds, rates, count in zip(pairs.pairs._bounds, pairs.pairs._rates, counts, strict=True)
     ]
 
 

@@ -1,14 +1,8 @@
 """What may touch: candidate pairs of primitives, found by one search and kept while they stay complete (Verlet lists);
 and what does: the contacts nearer than dhat, and the largest step without a collision.
 
-Pairs within an object and pairs between objects have a list each. No distance within an object changes while it is
-shifted as a whole, and none between two objects that are shifted alike. A list that was searched at one place is
-complete while no two primitives can have approached each other by more than twice the slack, or come from far away. A
-longer straight move is searched as a whole, by the boxes that it sweeps: its list is as complete near every place on
-it. What two places near the move have between them is near it, too.
-
-The pairs of all lists have one order, whatever was searched. So sums over active pairs do not depend on the lists, and
-lists may outlast steps.
+Pairs within an object and pairs between objects have a list each (pair_list.py). The pairs of all lists have one order,
+whatever was searched. So sums over active pairs do not depend on the lists, and lists may outlast steps.
 
 On several ranks each list has the pairs that touch vertices of its rank, and all pairs of a vertex that has one of
 those: all contacts of the rank's vertices are found without a message.
@@ -19,166 +13,9 @@ from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.potentials.contact.native import ffi, library
-from pdvol.potentials.contact.surface import ContactSurface, Primitives
+from pdvol.potentials.contact.pair_list import PairList
+from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import LEAST_LEFT
-
-# slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
-LIST_SLACK = 0.1
-# numbers of a box: least coordinates and greatest ones with the opposite sign, four each; as in search.c
-BOX = 8
-
-
-class PairList:
-    """Pairs of vertices and facets, and of edges, that can be within reach of each other, with lower bounds of their
-    distances. A bound is the distance that the search or a collision detection has found, less how much nearer the pair
-    can have come since then.
-
-    Parameters
-    ----------
-    primitives : Primitives
-    reach : distance [m] up to which pairs matter
-    within : whether for the pairs within bodies; else for those between two bodies, or a body and an obstacle
-
-    Attributes
-    ----------
-    points : (k, 2) int32
-        Vertex and facet of each pair; the pairs of a vertex stand together.
-    edges : (k, 2) int32
-    c : the C struct of both, with their bounds
-    empty : bool
-        Whether no pairs are possible at all.
-    searches : number of searches so far
-    """
-
-    def __init__(self, primitives: Primitives, reach: float, within: bool):
-        self.primitives, self.reach, self.within, self.searches = primitives, reach, within, 0
-        numbers, owned = np.arange(len(primitives.roots) - 1), primitives.owned_objects
-        same = numbers[:, None] == numbers
-        self._allowed = same & owned if within else ~same & (owned[:, None] | owned)
-        self._needed, self.empty = self._allowed.any(axis=0), not self._allowed.any()
-        self._slack = LIST_SLACK * primitives.edge_length
-        self._boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
-        self._counts = np.bincount(primitives.objects, minlength=len(numbers))
-        self._firsts = np.cumsum([0, *self._counts])
-        self._c_firsts = pointer(self._firsts, "int64_t")
-        self._boxed: tuple[np.ndarray, np.ndarray] | None = None
-        self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
-        self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))  # how far two objects may approach each other
-        self._way: tuple[np.ndarray, np.ndarray]  # of the bounds, from and to
-        self.c = ffi.new("pairs_t *")
-        self._make_room(1024, 1024)
-        self.points, self.edges = (pairs[:0] for pairs in self._pairs)
-
-    def at(self, vertices: np.ndarray) -> None:
-        """Makes the list complete at `vertices` (n, d)."""
-        if not self.empty and not self._covers(vertices):
-            self._search(vertices, vertices)
-
-    def along(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Makes the list complete everywhere on the straight move from start to end (n, d)."""
-        if self.empty or (self._covers(start) and self._covers(end)):
-            return
-        if self.within:  # what a body goes as a whole sweeps nothing within it
-            n, shifts = self._firsts[-1], self._centres(end) - self._centres(start)
-            end = end.copy()
-            end[:n] -= shifts[self.primitives.objects]
-        self._search(start, end)
-
-    def _centres(self, vertices: np.ndarray) -> np.ndarray:
-        """(objects, d) mean of each object's vertices."""
-        sums = np.add.reduceat(vertices[: self._firsts[-1]], self._firsts[:-1], axis=0)
-        return sums / self._counts[:, None]
-
-    def _covers(self, vertices: np.ndarray) -> bool:
-        """Whether no two objects can have come nearer to each other at `vertices` than there is room, nor parts of one,
-        since a place on the move that the list was searched for.
-        """
-        if self._reference is None:
-            return False
-        start, move = self._reference
-        way = ffi.NULL if move is None else pointer(move)
-        places, room = (pointer(start), way, pointer(vertices)), pointer(self._room)
-        return bool(library.are_near(self.primitives.d, len(self._counts), self._c_firsts, *places, room))
-
-    @property
-    def _distance(self) -> float:
-        return self.reach + 2.0 * self._slack
-
-    def _fit(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Fits the boxes of what is not where it was when they were fitted last."""
-        marked = self._needed
-        if self._boxed is not None:
-            same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
-            marked = marked & ~np.logical_and.reduceat(same[: self._firsts[-1]], self._firsts[:-1])
-        moving = pointer(start), pointer(end)
-        library.fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
-        self._boxed = start, end
-
-    def _apart(self) -> np.ndarray:
-        """(objects, objects) distances [m] of the objects' boxes."""
-        d, boxes = self.primitives.d, self._boxes[self.primitives.roots[:-1]]
-        low, high = boxes[:, :d], -boxes[:, BOX // 2 : BOX // 2 + d]
-        gaps = np.maximum(low[:, None] - high, low - high[:, None])
-        return np.linalg.norm(np.maximum(gaps, 0.0), axis=2)
-
-    def _search(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
-        each other besides.
-        """
-        self._reference = start, None if end is start else end - start
-        self._fit(start, end)
-        apart = self._apart()
-        near = apart <= self._distance
-        self._room = np.where(self._allowed, np.where(near, 2.0 * self._slack, apart - self.reach), np.inf)
-        meets = self._allowed & near
-        self.searches += 1
-        fits = False
-        while not fits:
-            room = tuple(len(pairs) for pairs in self._pairs)
-            self.c.n_points, self.c.n_edges = room
-            if library.search_pairs(
-                self.primitives.c,
-                pointer(self._boxes),
-                pointer(start),
-                pointer(end) if end is not start else pointer(start),
-                self._distance,
-                pointer(meets, "uint8_t"),
-                self.c,
-                *(pointer(pairs, "int32_t") for pairs in self._pairs),
-            ):
-                raise MemoryError("no memory left for the search of contacts")
-            counts = self.c.n_points, self.c.n_edges
-            fits = counts[0] <= room[0] and counts[1] <= room[1]
-            if not fits:
-                self._make_room(*(2 * max(count, 512) for count in counts))
-        self.points, self.edges = (pairs[:count] for pairs, count in zip(self._pairs, counts, strict=True))
-        self.go_on(start, start)
-
-    def longest_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, step: float) -> float:
-        """The largest part of a straight move from start to end (n, d), `step` at most, on which the pairs keep at
-        least the share `gap_share` of their gaps, or of the reach where that is less. Renews the bounds.
-        """
-        if not (len(self.points) or len(self.edges)):
-            return step
-        move = pointer(start), pointer(end)
-        step = library.longest_step(self.primitives.c, *move, self.reach, gap_share, self.c, step)
-        self.go_on(start, end)
-        return step
-
-    def go_on(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Bounds are from now on those of the way from start to end."""
-        self._way = start, end
-        self.c.begin, self.c.end = map(pointer, self._way)
-
-    def _make_room(self, points: int, edges: int) -> None:
-        """Makes room for so many pairs; there are none then."""
-        self._pairs = [np.zeros((count, 2), dtype=np.int32) for count in (points, edges)]
-        self._bounds, self._rates = ([np.zeros(count) for count in (points, edges)] for _ in range(2))
-        self.c.n_points = self.c.n_edges = 0
-        self.c.points, self.c.edges = (pointer(pairs, "int32_t") for pairs in self._pairs)
-        self.c.point_bounds, self.c.edge_bounds = map(pointer, self._bounds)
-        self.c.point_rates, self.c.edge_rates = map(pointer, self._rates)
-
 
 # contact_t and fade_t of native/interface.h
 CONTACT = np.dtype(
@@ -287,7 +124,7 @@ class Candidates:
     def __init__(self, surface: ContactSurface, dhat: float):
         self.surface, self.primitives, self.dhat = surface, surface.primitives, dhat
         self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
-        self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
+        self._c_lists = ffi.new("pairs_t *[]", [pairs.pairs.c for pairs in self.lists])
         self._buffers = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
         self._meetings = np.empty(256, MEETING)
         self._reach = np.full(len(surface.objects), np.inf)  # planes, behind all else, have no edges
@@ -345,7 +182,7 @@ class Candidates:
                 pointer(found, "meeting_t"),
             )
             for pairs in self.lists:
-                pairs.go_on(start, end)
+                pairs.pairs.go_on(start, end)
         found = found[:count]
         return found[self._are_first(found) & (found["distance"] < self._reach[found["vertices"]].min(axis=1))]
 

@@ -1,0 +1,205 @@
+"""Lists of candidate pairs (Verlet lists), each found by one search and kept while it stays complete.
+
+No distance within an object changes while it is shifted as a whole, and none between two objects that are shifted
+alike. A list that was searched at one place is complete while no two primitives can have approached each other by more
+than twice the slack, or come from far away. A longer straight move is searched as a whole, by the boxes that it sweeps:
+its list is as complete near every place on it. What two places near the move have between them is near it, too.
+"""
+
+import numpy as np
+
+from pdvol.compiled import pointer
+from pdvol.potentials.contact.native import ffi, library
+from pdvol.potentials.contact.surface import Primitives
+
+# slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
+LIST_SLACK = 0.1
+# numbers of a box: least coordinates and greatest ones with the opposite sign, four each; as in search.c
+BOX = 8
+
+
+class Objects:
+    """The objects of a surface: their shifts, and the boxes that their primitives sweep.
+
+    Parameters
+    ----------
+    primitives : Primitives
+    needed : (objects,) bool
+        Those whose boxes are asked for.
+    """
+
+    def __init__(self, primitives: Primitives, needed: np.ndarray):
+        self._primitives, self._needed = primitives, needed
+        self._sizes = np.bincount(primitives.objects, minlength=len(needed))
+        self._firsts = np.cumsum([0, *self._sizes])
+        self._c_firsts = pointer(self._firsts, "int64_t")
+        self.boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
+        self._boxed: tuple[np.ndarray, np.ndarray] | None = None
+
+    def unshifted(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """The end (n, d) of a move without what each object moves by as a whole."""
+        n, end = self._firsts[-1], end.copy()
+        end[:n] -= (self._centres(end) - self._centres(start))[self._primitives.objects]
+        return end
+
+    def _centres(self, vertices: np.ndarray) -> np.ndarray:
+        """(objects, d) mean of each object's vertices."""
+        sums = np.add.reduceat(vertices[: self._firsts[-1]], self._firsts[:-1], axis=0)
+        return sums / self._sizes[:, None]
+
+    def are_near(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray, room: np.ndarray) -> bool:
+        """Whether no two objects can have come nearer to each other at `vertices` (n, d) than by `room` (objects,
+        objects) [m], nor parts of one, since a place on a move from start.
+        """
+        way = ffi.NULL if move is None else pointer(move)
+        places = pointer(start), way, pointer(vertices)
+        return bool(library.are_near(self._primitives.d, len(self._sizes), self._c_firsts, *places, pointer(room)))
+
+    def fit(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Fits the boxes of what is not where it was when they were fitted last."""
+        marked = self._needed
+        if self._boxed is not None:
+            same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
+            marked = marked & ~np.logical_and.reduceat(same[: self._firsts[-1]], self._firsts[:-1])
+        moving = pointer(start), pointer(end)
+        library.fit_boxes(self._primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self.boxes))
+        self._boxed = start, end
+
+    def apart(self) -> np.ndarray:
+        """(objects, objects) distances [m] of the objects' boxes."""
+        d, boxes = self._primitives.d, self.boxes[self._primitives.roots[:-1]]
+        low, high = boxes[:, :d], -boxes[:, BOX // 2 : BOX // 2 + d]
+        gaps = np.maximum(low[:, None] - high, low - high[:, None])
+        return np.linalg.norm(np.maximum(gaps, 0.0), axis=2)
+
+
+class Pairs:
+    """Pairs of vertices and facets, and of edges, with lower bounds of their distances along a straight way.
+
+    Attributes
+    ----------
+    c : the C struct of all this
+    room : arrays (k, 2) int32 for pairs of both kinds; `c` has how many there are
+    way : of the bounds, from and to
+    """
+
+    def __init__(self) -> None:
+        self.c = ffi.new("pairs_t *")
+        self.make_room(1024, 1024)
+        self.way: tuple[np.ndarray, np.ndarray]
+
+    def make_room(self, points: int, edges: int) -> None:
+        """Makes room for so many pairs; there are none then."""
+        self.room = [np.zeros((count, 2), dtype=np.int32) for count in (points, edges)]
+        self._bounds, self._rates = ([np.zeros(count) for count in (points, edges)] for _ in range(2))
+        self.c.n_points = self.c.n_edges = 0
+        self.c.points, self.c.edges = (pointer(pairs, "int32_t") for pairs in self.room)
+        self.c.point_bounds, self.c.edge_bounds = map(pointer, self._bounds)
+        self.c.point_rates, self.c.edge_rates = map(pointer, self._rates)
+
+    def go_on(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Bounds are from now on those of the way from start to end."""
+        self.way = start, end
+        self.c.begin, self.c.end = map(pointer, self.way)
+
+
+class PairList:
+    """Pairs of vertices and facets, and of edges, that can be within reach of each other, with lower bounds of their
+    distances. A bound is the distance that the search or a collision detection has found, less how much nearer the pair
+    can have come since then.
+
+    Parameters
+    ----------
+    primitives : Primitives
+    reach : distance [m] up to which pairs matter
+    within : whether for the pairs within bodies; else for those between two bodies, or a body and an obstacle
+
+    Attributes
+    ----------
+    pairs : Pairs
+    searches : number of searches so far
+    """
+
+    def __init__(self, primitives: Primitives, reach: float, within: bool):
+        self.primitives, self.reach, self.within, self.searches = primitives, reach, within, 0
+        numbers, owned = np.arange(len(primitives.roots) - 1), primitives.owned_objects
+        same = numbers[:, None] == numbers
+        self._allowed = same & owned if within else ~same & (owned[:, None] | owned)
+        self._objects = Objects(primitives, self._allowed.any(axis=0))
+        self._slack = LIST_SLACK * primitives.edge_length
+        self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
+        self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))  # how far two objects may approach each other
+        self.pairs = Pairs()
+
+    @property
+    def points(self) -> np.ndarray:
+        """(k, 2) int32: vertex and facet of each pair; the pairs of a vertex stand together."""
+        return self.pairs.room[0][: self.pairs.c.n_points]
+
+    @property
+    def edges(self) -> np.ndarray:
+        """(k, 2) int32: both edges of each pair."""
+        return self.pairs.room[1][: self.pairs.c.n_edges]
+
+    @property
+    def empty(self) -> bool:
+        """Whether no pairs are possible at all."""
+        return not self._allowed.any()
+
+    def at(self, vertices: np.ndarray) -> None:
+        """Makes the list complete at `vertices` (n, d)."""
+        if not self.empty and not self._covers(vertices):
+            self._search(vertices, vertices)
+
+    def along(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Makes the list complete everywhere on the straight move from start to end (n, d)."""
+        if self.empty or (self._covers(start) and self._covers(end)):
+            return
+        # what a body moves by as a whole sweeps nothing within it
+        self._search(start, self._objects.unshifted(start, end) if self.within else end)
+
+    def _covers(self, vertices: np.ndarray) -> bool:
+        """Whether the list is complete at `vertices` (n, d)."""
+        return self._reference is not None and self._objects.are_near(*self._reference, vertices, self._room)
+
+    def _search(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
+        each other besides.
+        """
+        self._reference = start, None if end is start else end - start
+        self._objects.fit(start, end)
+        apart, distance = self._objects.apart(), self.reach + 2.0 * self._slack
+        near = apart <= distance
+        self._room = np.where(self._allowed, np.where(near, 2.0 * self._slack, apart - self.reach), np.inf)
+        meets, pairs = self._allowed & near, self.pairs
+        self.searches += 1
+        while True:
+            room = tuple(map(len, pairs.room))
+            pairs.c.n_points, pairs.c.n_edges = room
+            if library.search_pairs(
+                self.primitives.c,
+                pointer(self._objects.boxes),
+                pointer(start),
+                pointer(end),
+                distance,
+                pointer(meets, "uint8_t"),
+                pairs.c,
+                *(pointer(array, "int32_t") for array in pairs.room),
+            ):
+                raise MemoryError("no memory left for the search of contacts")
+            counts = pairs.c.n_points, pairs.c.n_edges
+            if counts[0] <= room[0] and counts[1] <= room[1]:
+                break
+            pairs.make_room(*(2 * max(count, 512) for count in counts))
+        pairs.go_on(start, start)
+
+    def longest_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, step: float) -> float:
+        """The largest part of a straight move from start to end (n, d), `step` at most, on which the pairs keep at
+        least the share `gap_share` of their gaps, or of the reach where that is less. Renews the bounds.
+        """
+        c = self.pairs.c
+        if not (c.n_points or c.n_edges):
+            return step
+        step = library.longest_step(self.primitives.c, pointer(start), pointer(end), self.reach, gap_share, c, step)
+        self.pairs.go_on(start, end)
+        return step
