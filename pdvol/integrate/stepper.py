@@ -25,6 +25,7 @@ from pdvol.registry import INTEGRATORS
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import BALANCED, STALL
 from pdvol.solve.newton import Newton
+from pdvol.solve.newton_system import NewtonSystem
 from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, taken
 
 
@@ -112,9 +113,8 @@ class Stepper:
 
     def _new_newton(self) -> Newton:
         iterated = (lambda x, iterations: None) if self._long is None else self._long.iterated
-        return Newton(
-            self.space, self.potential, self.motion.held, self.model.solver, self.watch, self._coarse_weights, iterated
-        )
+        system = NewtonSystem(self.potential, self.motion.held, self.model.solver, self._coarse_weights)
+        return Newton(system, iterated)
 
     def go_on_from(self, record: Mapping, earlier: Sequence[Mapping] = ()) -> None:
         """Restores the solver's memory from a step's log record, so that the next step is the same as without an

@@ -17,6 +17,7 @@ from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Motion, Solver, Still
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
+from pdvol.solve.newton_system import NewtonSystem
 from pdvol.solve.report import Stopwatch
 
 
@@ -87,7 +88,7 @@ def longest_part(
     all_terms = Terms(terms.mass, (energy, *terms.potentials), terms.contacts, terms.frictions)
     potential = IncrementalPotential(x.space, all_terms, Stopwatch())
     potential.x_hat, potential.weight = x.owned, 1.0
-    newton = Newton(x.space, potential, motion.held, Solver(tolerance=1.0, linear="direct"), potential.watch)
+    newton = Newton(NewtonSystem(potential, motion.held, Solver(tolerance=1.0, linear="direct")))
     return MotionParts(motion, potential, newton, lambda report: None).longest_part(x, least, 0.0)
 
 

@@ -52,9 +52,9 @@ HIGH_STIFFNESS_RATIO = 1e4  # of Young's moduli: above it the iterative linear s
 COST_EXPONENT = 1.05  # of the vertices, fitted to benchmarks of 4,000 to 100,000 vertices
 COST_OFFSET = {2: 600, 3: 100}  # vertices, by dimension: A above, fitted to levels of 100 to 20,000 vertices
 SMOOTHED_OFFSET = 0.6  # times that with smoothed elements, whose work per vertex is larger: 81 to 1,900 vertices
-# Kilobytes a vertex, by dimension, with a coarse space; measured at 90,601 (2D) and 99,900 vertices (3D).
 # vertices of a level up to which its binding is looked at: it takes 6 s a hundred thousand
 BOUND_VERTICES = 100_000
+# Kilobytes a vertex, by dimension, with a coarse space; measured at 90,601 (2D) and 99,900 vertices (3D).
 MEMORY_PER_VERTEX = {2: 2.0, 3: 7.1}
 SMOOTHED_MEMORY = 1.9  # times that with smoothed elements: 13 kilobytes a vertex at 19,600 vertices in 3D
 

@@ -11,15 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
-from scipy.sparse import csr_array
 
 from pdvol.compat import PETSc
 from pdvol.errors import SimulationError
-from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Relative, Solver
+from pdvol.scene import Relative
 from pdvol.solve.callbacks import own_errors, weakly
-from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
     BALANCED,
     LEAST_DECREASE,
@@ -40,7 +37,7 @@ from pdvol.solve.iteration import (
 )
 from pdvol.solve.linear.solver import LinearSolver
 from pdvol.solve.newton_system import NewtonSystem
-from pdvol.solve.report import NewtonReport, Stopwatch
+from pdvol.solve.report import NewtonReport
 
 # predictions of contact and friction at most, for one direction: two serve most, each is a linear solve, and where many
 # bodies meet, six gain nothing over four
@@ -54,38 +51,24 @@ class Newton:
 
     Parameters
     ----------
-    potential : IncrementalPotential
-    supported : (n_owned,) bool
-        Vertices that do not move.
-    settings : Solver
-        Its tolerance is in m/s.
-    coarse_weights : as `Stepper` takes it
+    system : NewtonSystem
+        Its settings' tolerance is in m/s.
     iterated : called with the state after each iteration of a solve, or before a direction, and how many there were
 
     Attributes
     ----------
-    system : NewtonSystem
     snes : PETSc.SNES
     tolerance : [m/s]
     """
 
-    def __init__(
-        self,
-        space: LevelSpace,
-        potential: IncrementalPotential,
-        supported: np.ndarray,
-        settings: Solver,
-        watch: Stopwatch,
-        coarse_weights: Callable[[], csr_array | None] = lambda: None,
-        iterated: Callable[[Positions, int], None] = lambda x, iterations: None,
-    ):
-        if isinstance(settings.tolerance, Relative):
+    def __init__(self, system: NewtonSystem, iterated: Callable[[Positions, int], None] = lambda x, iterations: None):
+        if isinstance(system.settings.tolerance, Relative):
             raise ValueError("Newton's tolerance must be a speed in m/s, not a Relative one")
-        self.space, self.potential, self.settings = space, potential, settings
-        self.supported, self.tolerance, self._dt = supported, settings.tolerance, np.inf
-        self.iterated, self._sum = iterated, space.reduce
-        self._vector, self._residual = space.create_vector(), space.create_vector()
-        self.system = NewtonSystem(space, potential, supported, settings, watch, coarse_weights)
+        self.system, self.space, self.potential = system, system.space, system.potential
+        self.supported, self.settings = system.supported, system.settings
+        self.tolerance, self._dt = system.settings.tolerance, np.inf
+        self.iterated, self._sum = iterated, self.space.reduce
+        self._vector, self._residual = self.space.create_vector(), self.space.create_vector()
         self.snes = self._create_snes()
         self.system.use(self.snes.ksp)
         self._solve: Solve

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pdvol.compat import PETSc
-from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Solver
@@ -16,7 +15,6 @@ from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.linear.petsc_methods import wants_general_matrix
 from pdvol.solve.linear.solver import LinearSolver
 from pdvol.solve.linear.system_matrix import SystemMatrix
-from pdvol.solve.report import Stopwatch
 
 
 class NewtonSystem:
@@ -32,6 +30,7 @@ class NewtonSystem:
 
     Attributes
     ----------
+    space, potential, supported, settings : as given
     matrix : SystemMatrix
     linear : LinearSolver
         From `use` on.
@@ -39,45 +38,43 @@ class NewtonSystem:
 
     def __init__(
         self,
-        space: LevelSpace,
         potential: IncrementalPotential,
         supported: np.ndarray,
         settings: Solver,
-        watch: Stopwatch,
-        coarse_weights: Callable[[], csr_array | None],
+        coarse_weights: Callable[[], csr_array | None] = lambda: None,
     ):
-        self._space, self._potential, self._settings, self._watch = space, potential, settings, watch
-        self._supported, self._coarse_weights = supported, coarse_weights
-        self._blocks = HessianBlocks(BlockPattern(space, potential.stencils))
-        self.matrix = SystemMatrix(space, supported, wants_general_matrix(settings))
+        self.space, self.potential, self.supported, self.settings = potential.space, potential, supported, settings
+        self._watch, self._coarse_weights = potential.watch, coarse_weights
+        self._blocks = HessianBlocks(BlockPattern(self.space, potential.stencils))
+        self.matrix = SystemMatrix(self.space, supported, wants_general_matrix(settings))
         self.linear: LinearSolver
 
     def use(self, ksp: PETSc.KSP) -> None:
         """Solves with a KSP from now on."""
-        dense = any(domains.smoothed for domains in self._potential.stencils)
+        dense = any(domains.smoothed for domains in self.potential.stencils)
         timed = partial(self._watch.part, "linear")
-        self.linear = LinearSolver(ksp, self._settings, self._coarse_spaces, timed, dense)
+        self.linear = LinearSolver(ksp, self.settings, self._coarse_spaces, timed, dense)
 
     def _coarse_spaces(self) -> list[CoarseSpace]:
         """On grids, and on a coarser level if one suits; without the grids where these have more vertices."""
-        grids, own = grid_weights(self._space.mesh), self._coarse_weights()
+        grids, own = grid_weights(self.space.mesh), self._coarse_weights()
         weights = [grids] if own is None else [own] if own.shape[1] <= grids.shape[1] else [grids, own]
-        return [CoarseSpace(self._space, P, self.matrix.all_supported) for P in weights]
+        return [CoarseSpace(self.space, P, self.matrix.all_supported) for P in weights]
 
     def sum(self, x: Positions, projection: str) -> None:
         """Sums the Hessian at x with a projection. Collective."""
         with self._watch.part("assembly"):
             self._blocks.clear()
             self._blocks.projection = projection
-            self._potential.add_hessian(x, 1.0, self._blocks)
+            self.potential.add_hessian(x, 1.0, self._blocks)
 
     def stick(self, x: Positions) -> None:
         """Adds to the last sum what makes bodies stick to each other where they touch at x. Collective."""
-        self._potential.add_sticking(x, 1.0, self._blocks)
+        self.potential.add_sticking(x, 1.0, self._blocks)
 
     def repredict(self, x: Positions) -> None:
         """Puts the potential's present prediction into the last sum at x. Collective."""
-        self._potential.renew_predicted(x, 1.0, self._blocks)
+        self.potential.renew_predicted(x, 1.0, self._blocks)
 
     def assemble(self) -> None:
         """Makes the last sum the matrix of the next solves. Collective."""
@@ -94,7 +91,7 @@ class NewtonSystem:
         """The last sum times `values` (n_owned, d) [m] of prescribed rows, a gradient; `fixed` (n_owned,) rows become
         the identity's in the next `assemble`. Collective.
         """
-        moved, product = self._space.create_vector(), self._space.create_vector()
+        moved, product = self.space.create_vector(), self.space.create_vector()
         self.matrix.support(fixed)
         moved.setArray(values.ravel())
         with self._watch.part("linear"):
@@ -104,4 +101,4 @@ class NewtonSystem:
 
     def release(self) -> None:
         """Supported vertices alone are prescribed again."""
-        self.matrix.support(self._supported)
+        self.matrix.support(self.supported)
