@@ -11,7 +11,7 @@ import pytest
 
 import runs
 from pdvol import cli, meshes
-from pdvol.measure import verify
+from pdvol.measure import meeting, verify
 from pdvol.store.writer import RunWriter
 from shapes import box, together
 
@@ -180,12 +180,17 @@ print(*sorted({name.partition(".")[0] for name in sys.modules}))
         "pdvol.geometry",
         "pdvol.geometry.level_mesh",
         "pdvol.measure",
+        "pdvol.measure.meeting",
         "pdvol.measure.verify",
     }
     assert not packages & {"ipctk", "igl", "dolfinx", "petsc4py", "mpi4py", "scipy"}
-    tree = ast.parse(Path(verify.__file__).read_text())
-    imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert {name for name in imported if name.startswith("pdvol")} == {"pdvol.errors", "pdvol.store.reader"}
+    trees = [ast.parse(Path(module.__file__).read_text()) for module in (verify, meeting)]
+    imported = {node.module for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert {name for name in imported if name.startswith("pdvol")} == {
+        "pdvol.errors",
+        "pdvol.measure.meeting",
+        "pdvol.store.reader",
+    }
 
 
 def test_missing_states_of_a_finished_level(tmp_path):
@@ -202,9 +207,9 @@ def test_random_triangles_against_every_pair():
         (*e, *f)
         for e in verify.edges_of(facets)
         for f in facets
-        if not set(e) & set(f) and verify.segment_meets_triangle(*points[e], *points[f])
+        if not set(e) & set(f) and meeting.segment_meets_triangle(*points[e], *points[f])
     }
-    found = verify.crossing_edges(points, verify.edges_of(facets), facets, np.ones(90, bool))
+    found = meeting.crossing_edges(points, verify.edges_of(facets), facets, np.ones(90, bool))
     assert len(found) > 50 and set(found) == expected
 
 
@@ -212,9 +217,9 @@ def test_random_segments_against_every_pair():
     rng = np.random.default_rng(2)
     points, edges = rng.random((80, 2)), np.arange(80).reshape(40, 2)
     expected = {
-        (*a, *b) for i, a in enumerate(edges) for b in edges[i + 1 :] if verify.segments_meet(*points[a], *points[b])
+        (*a, *b) for i, a in enumerate(edges) for b in edges[i + 1 :] if meeting.segments_meet(*points[a], *points[b])
     }
-    found = verify.crossing_segments(points, edges, np.ones(80, bool))
+    found = meeting.crossing_segments(points, edges, np.ones(80, bool))
     assert len(found) > 50 and set(found) == expected
 
 
@@ -237,7 +242,7 @@ def test_edges_and_a_triangle_by_hand(p, q, meets):
     # The triangle (0, 0), (1, 0), (0, 1) in z = 0: through, a hair above, an end on it, through a corner, a side, a
     # hair beside a side, coplanar.
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), p, q], dtype=float)
-    found = verify.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))
+    found = meeting.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))
     assert bool(found) == meets
 
 
@@ -251,7 +256,7 @@ def test_boxes_of_very_different_size():
     expected = {
         (i, j) for i in range(300) for j in range(40) if (low_a[i] <= high_b[j]).all() and (low_b[j] <= high_a[i]).all()
     }
-    assert {tuple(pair) for pair in verify.overlapping_boxes(low_a, high_a, low_b, high_b)} == expected
+    assert {tuple(pair) for pair in meeting.overlapping_boxes(low_a, high_a, low_b, high_b)} == expected
 
 
 def test_fast_enough_for_every_state():

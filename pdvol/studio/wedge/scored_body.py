@@ -11,7 +11,7 @@ from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.distances import distances_to
 from pdvol.geometry.rigid_motions import rigid_motions
-from pdvol.measure.verify import overlapping_boxes
+from pdvol.measure.meeting import overlapping_boxes
 from pdvol.scene.motions import rotation_matrix
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
