@@ -59,7 +59,7 @@ def build_terms(
     mass = assemble_mass(space, model.materials.density)
     contacts, frictions = contact_terms(model.contact, model.obstacles, space, script)
     elastic = elastic_terms(space, model.materials)
-    loads = load_terms(model.loads, space, model.materials.density, mass)
+    loads = load_terms(model.loads, space, mass)
     loads += tuple(ActiveFibres(space, muscle, model.materials.smoothing) for muscle in model.muscles)
     loads += tuple(Attachments(space, springs) for springs in model.springs)
     held = tuple(Consistency(space, mass, guide) for guide in guides)

@@ -1,6 +1,4 @@
-"""Lumped mass, and the loads of a scene: those that are constant are assembled once from their UFL forms, the others
-are shares of a vector.
-"""
+"""Lumped mass, assembled from its UFL form, and the loads of a scene, which are shares of a vector."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,7 +7,6 @@ import ufl
 
 from pdvol.compat import fem, la
 from pdvol.forms.inertia import inertia
-from pdvol.forms.loads import body_force
 from pdvol.geometry.closed_surfaces import pressed_facets
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
@@ -18,7 +15,6 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.potential import Positions, Potential, Term
 from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Pressure, at_time
-from pdvol.scene.motions import Vector
 
 
 def _assemble(space: LevelSpace, form: ufl.Form) -> np.ndarray:
@@ -38,14 +34,21 @@ def assemble_mass(space: LevelSpace, densities: np.ndarray) -> np.ndarray:
 
 
 class DeadLoad(Term):
-    """A load whose force [N] does not depend on x: E = -f . (x - X) with the rest positions X. Of positions alone, far
-    from the origin, it would be so large that no line search could see what a step gains.
+    """A load whose force [N] does not depend on x: shares (n_owned,) of a vector (t0, t1) -> (d,), evaluated at each
+    step's start.
+
+    E = -f . (x - X) with the rest positions X. Of positions alone, far from the origin, it would be so large that no
+    line search could see what a step gains.
     """
 
     name = "load"
 
-    def __init__(self, space: LevelSpace, force: np.ndarray):
-        self.space, self.force, self._rest = space, force, space.from_input(space.mesh.points)
+    def __init__(self, space: LevelSpace, shares: np.ndarray, vector: Callable[[float, float], np.ndarray]):
+        self.space, self._rest = space, space.from_input(space.mesh.points)
+        self._shares, self._vector, self.force = shares, vector, np.zeros((space.n_owned, space.dim))
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        self.force = np.outer(self._shares, self._vector(t0, t1))
 
     def value(self, x: Positions) -> float:
         return -self.space.reduce(float(np.vdot(self.force, x.owned - self._rest)))
@@ -54,33 +57,12 @@ class DeadLoad(Term):
         return -self.force
 
 
-def gravity_load(space: LevelSpace, densities: np.ndarray, acceleration: Vector | np.ndarray) -> DeadLoad:
-    """The weight of all bodies under a uniform acceleration [m/s^2]. Collective."""
-    v = ufl.TestFunction(space.V)
-    g = fem.Constant(space.domain, np.asarray(acceleration, dtype=float))
-    density = space.cell_function(densities, "density")
-    return DeadLoad(space, _assemble(space, body_force(density, g, v, space.domain)))
+def load_terms(loads: Sequence[PlacedLoad], space: LevelSpace, mass: np.ndarray) -> tuple[Potential, ...]:
+    """The terms of a level's loads, with masses (n_owned, d). Collective."""
+    return tuple(_load_term(placed.load, placed.mask, space, mass[:, 0]) for placed in loads)
 
 
-class TimedLoad(DeadLoad):
-    """A load that is evaluated at each step's start: shares (n_owned,) of a vector (t0, t1) -> (d,)."""
-
-    def __init__(self, space: LevelSpace, shares: np.ndarray, vector: Callable[[float, float], np.ndarray]):
-        super().__init__(space, np.zeros((space.n_owned, space.dim)))
-        self._shares, self._vector = shares, vector
-
-    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        self.force = np.outer(self._shares, self._vector(t0, t1))
-
-
-def load_terms(
-    loads: Sequence[PlacedLoad], space: LevelSpace, densities: np.ndarray, mass: np.ndarray
-) -> tuple[Potential, ...]:
-    """The terms of a level's loads, with densities (m,) of its cells and masses (n_owned, d). Collective."""
-    return tuple(_load_term(placed.load, placed.mask, space, densities, mass[:, 0]) for placed in loads)
-
-
-def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> Potential:
+def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, mass: np.ndarray) -> Potential:
     mesh, d = space.mesh, space.dim
     if isinstance(load, Flow):
         from pdvol.potentials.drag import Drag
@@ -91,18 +73,16 @@ def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.
 
         return EnclosedPressure(space, pressed_facets(mesh, int(mesh.point_bodies[chosen][0])), load.at)
     if isinstance(load, Gravity):
-        if not callable(load.acceleration):
-            return gravity_load(space, densities, load.acceleration)
-        return TimedLoad(space, mass, lambda t0, t1: at_time("gravity", load.acceleration, t1, d))
+        return DeadLoad(space, mass, lambda t0, t1: at_time("gravity", load.acceleration, t1, d))
     if isinstance(load, PointForce):
         shares = space.from_input(point_shares(mesh, chosen, np.asarray(load.at, dtype=float)))
-        return TimedLoad(space, shares, lambda t0, t1: at_time("PointForce.force", load.force, t1, d))
+        return DeadLoad(space, shares, lambda t0, t1: at_time("PointForce.force", load.force, t1, d))
     held = np.where(chosen[space.owned_points], mass, 0.0)
     if isinstance(load, Force):
         shares = held / space.reduce(float(held.sum()))
-        return TimedLoad(space, shares, lambda t0, t1: at_time("Force.force", load.force, t1, d))
+        return DeadLoad(space, shares, lambda t0, t1: at_time("Force.force", load.force, t1, d))
     push = np.asarray(load.velocity, dtype=float)
-    return TimedLoad(space, held, lambda t0, t1: push / (t1 - t0) if t0 <= load.time < t1 else 0.0 * push)
+    return DeadLoad(space, held, lambda t0, t1: push / (t1 - t0) if t0 <= load.time < t1 else 0.0 * push)
 
 
 def point_shares(mesh: LevelMesh, chosen: np.ndarray, at: np.ndarray) -> np.ndarray:

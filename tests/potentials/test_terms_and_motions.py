@@ -73,8 +73,7 @@ MOTIONS = {  # the motion of all obstacles, and its own time [s] at the step's s
 TERMS = {  # a length [m] over which remainders show, and whether the energy is linear or quadratic
     "elastic": (1e-2, {}),
     "damping": (1e-2, {}),
-    "gravity": (1e-2, {"linear": True}),
-    "force": (1e-2, {"linear": True}),
+    "load": (1e-2, {"linear": True}),
     "pressure": (1e-2, {}),
     "drag": (1e-2, {}),
     "muscle": (1e-2, {"quadratic": True}),
@@ -92,8 +91,7 @@ WITH_OBSTACLES = ("plane barrier", "surface barrier", "plane friction", "surface
 KINDS = {
     "ContactBarrier": "{} barrier",
     "LaggedFriction": "{} friction",
-    "DeadLoad": "gravity",
-    "TimedLoad": "force",
+    "DeadLoad": "load",
     "Attachments": "attachment",
 }
 
