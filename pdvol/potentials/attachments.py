@@ -65,7 +65,9 @@ class Attachments(Term):
 
     def _lengths(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
         """Lengths (k,) [m] and directions (k, d); a spring of no length has no direction, and pulls with no force."""
-        along = self._ends @ x.whole
+        points = x.whole[self.springs.points]
+        # weights sum to zero; from differences, since coordinates far from the origin have lost digits of a length
+        along = np.einsum("kc,kcd->kd", self.springs.weights, points - points[:, :1])
         lengths = np.linalg.norm(along, axis=1)
         return lengths, along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
 

@@ -2,15 +2,21 @@
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 import pdvol
 from contact_reference import DHAT, KAPPA, brute_force_energy, random_tetrahedra, two_boxes
-from pdvol import Barrier, Body, Gravity, NeoHookean, Plane, Relative, Rotation, Scene, Solver, Support
+from pdvol import Attachment, Barrier, Body, Gravity, NeoHookean, Plane, Relative, Rotation, Scene, Solver, Support
+from pdvol.levels.attachments import attachment_springs, bound_springs
+from pdvol.levels.space import LevelSpace
 from pdvol.meshes import Solid
+from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.potential import Positions
-from shapes import grid
+from problems import SOFT, make_scene
+from shapes import box, grid, together
 
+AWAY, GRAIN = 1024.0, 2.0**-36  # [m]: coordinates that are multiples of the second are moved by the first exactly
 MILLIGRAMS = 2.0**-27  # of a kilogram, about 7: a power of two changes no digit
 
 
@@ -83,13 +89,31 @@ def test_contact_does_not_see_where_the_origin_is(d):
     spaces = [two_boxes(d, obstacle=False)]
     if d == 3:  # pairs of edges that cross
         spaces += [random_tetrahedra(seed, size=(0.5 + seed % 5) * DHAT) for seed in range(40)]
-    away, grain, edges = 1024.0, 2.0**-36, 0
+    edges = 0
     for seed, (space, candidates) in enumerate(spaces):
         barrier = ContactBarrier(candidates, KAPPA)
         noise = 0.1 * DHAT * np.random.default_rng(seed).uniform(-1.0, 1.0, space.mesh.points.shape)
-        x = np.round(space.from_input(space.mesh.points + noise) / grain) * grain
-        found = [(barrier.value(at), barrier.gradient(at)) for at in (Positions(space, x), Positions(space, x + away))]
+        x = np.round(space.from_input(space.mesh.points + noise) / GRAIN) * GRAIN
+        found = [(barrier.value(at), barrier.gradient(at)) for at in (Positions(space, x), Positions(space, x + AWAY))]
         assert found[0][0] == found[1][0] > 0.0 or found[0][0] == 0.0
         np.testing.assert_array_equal(found[0][1], found[1][1])
         edges += sum(brute_force_energy(candidates, candidates.surface.vertices(Positions(space, x)))[1:]) > 0.0
     assert d == 2 or edges > 10
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_springs_do_not_see_where_the_origin_is(d):
+    """As contact: between points within facets, whose weights are not those of vertices."""
+    mesh = together(box(d, 2, jitter=0.1, seed=1), box(d, 3, (1.2, *(0.1,) * (d - 1)), 2.0, jitter=0.1))
+    scene = make_scene(
+        (SOFT, SOFT), attachments=(Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.9, stiffness=300.0),)
+    )
+    (springs,) = bound_springs(attachment_springs(scene, mesh, mesh.points), mesh, mesh.points)
+    term = Attachments(LevelSpace(mesh, MPI.COMM_SELF), springs)
+    moved = mesh.points + 0.1 * np.random.default_rng(2).uniform(-1.0, 1.0, mesh.points.shape)
+    x = term.space.from_input(np.round(moved / GRAIN) * GRAIN)
+    (value, gradient), (far, there) = (
+        (term.value(at), term.gradient(at)) for at in (Positions(term.space, x), Positions(term.space, x + AWAY))
+    )
+    assert value == far > 0.0
+    np.testing.assert_array_equal(gradient, there)
