@@ -75,13 +75,7 @@ def skip(app: Any, what: str, name: str, obj: Any, skipped: bool, options: Any) 
     return True if dataclasses.is_dataclass(obj) and not isinstance(obj, type) and owner is not None else None
 
 
-def drop_signatures(app: Any, page: str, text: list[str]) -> None:
-    """The lists that `signatures.py` writes are for code hosts: the site has whole docstrings in their places."""
-    text[0] = re.sub(r"<!-- signatures -->\n.*?<!-- end -->\n", "", text[0], flags=re.DOTALL)
-
-
 def setup(app: Any) -> dict:
-    app.connect("source-read", drop_signatures)
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-skip-member", skip)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -43,15 +43,6 @@ def test_every_public_name_is_in_the_reference():
     assert len(LISTED) == len(set(LISTED))
 
 
-@pytest.mark.parametrize("page", sorted((DOCS / "api").glob("*.md")), ids=lambda page: page.stem)
-def test_the_reference_has_signatures_in_the_repository(page):
-    """As `./run python docs/_site/signatures.py` writes them: a code host shows no docstrings."""
-    text = page.read_text()
-    assert runpy.run_path(str(DOCS / "_site" / "signatures.py"))["written"](text) == text
-    for path in re.findall(r"^\.\. auto\w+:: \S+?(\w+)$", text, re.MULTILINE):
-        assert re.search(rf"^- `{path}[`(]", text, re.MULTILINE)
-
-
 def parameters(thing: object) -> list[str]:
     """Names of a function's or a class's parameters; none of a protocol, for which Python shows any."""
     is_protocol = inspect.isclass(thing) and getattr(thing.__init__, "__module__", "") == "typing"
