@@ -1,5 +1,6 @@
 """`pdvol wedge`: many variations of a scene on level 0."""
 
+import shlex
 import sys
 import time
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
@@ -18,10 +19,11 @@ if TYPE_CHECKING:
 
 SEEK_RUNS = 200  # of a search: an evolution strategy in two to four parameters has settled by then
 SEEK_BUDGET = 15.0  # minutes of a search
+PRINT = "print"
 EPILOG = """\
 The folder DIR gets wedge.json, runs/NAME (normal run folders), sheet.png and scatter.png. The same command goes on
-with what is stored; another --vary adds variations. --executor print writes command lines for a farm or a batch system
-and runs nothing; after they have run, the same command collects what is stored.
+with what is stored; another --vary adds variations. --executor print writes command lines for the scheduler of a
+cluster and runs nothing; after they have run, the same command collects what is stored.
 """
 
 
@@ -48,9 +50,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--seed", default="0", metavar="N", help="of --sample and --seek (default: 0)")
     add_jobs(parser)
-    parser.add_argument(
-        "--executor", default="local", metavar="HOW", help="local (default), dask=tcp://HOST:PORT, or print"
-    )
+    parser.add_argument("--executor", default="local", choices=("local", PRINT), help="where runs go (default: local)")
     parser.add_argument(
         "--score",
         action="append",
@@ -81,8 +81,8 @@ def main(options: Namespace) -> int:
 
 
 def _make(options: Namespace) -> None:
+    from pdvol.studio.variations.executors import Workers
     from pdvol.studio.variations.vary import parsed_varies
-    from pdvol.studio.wedge.farm import PRINT, chosen_executor
     from pdvol.studio.wedge.results import write_results
     from pdvol.studio.wedge.sampling import TAKEN
     from pdvol.studio.wedge.wedge import Wedge
@@ -96,7 +96,7 @@ def _make(options: Namespace) -> None:
         from pdvol.studio.wedge.scores import chosen_scores
 
         scores = chosen_scores(texts, shot.file)
-    wedge, executor = Wedge(shot, options.out, scores), chosen_executor(options.executor, jobs)
+    wedge, executor = Wedge(shot, options.out, scores), None if options.executor == PRINT else Workers(jobs)
     try:
         with wedge.taken():
             if options.seek and executor is not None:
@@ -112,8 +112,8 @@ def _make(options: Namespace) -> None:
 
 def _check_seek(options: Namespace) -> None:
     if options.seek:
-        if options.executor == "print":
-            raise InputError("--seek needs its runs at once: --executor local or dask=tcp://HOST:PORT")
+        if options.executor == PRINT:
+            raise InputError("--seek needs its runs at once: leave out --executor print")
         if options.sample or options.jitter is not None:
             raise InputError("--seek chooses its own variations; leave out --sample and --jitter")
     elif options.runs or options.budget is not None or options.goal is not None:
@@ -124,7 +124,6 @@ def _check_seek(options: Namespace) -> None:
 
 def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor | None") -> bool:
     """Make the runs, or print their command lines; whether all have ended."""
-    from pdvol.studio.wedge.farm import command_line
     from pdvol.studio.wedge.progress import WedgeProgress
     from pdvol.studio.wedge.sampling import chosen_variations
 
@@ -136,7 +135,7 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor:
     if executor is None:
         jobs = wedge.missing(numbers)
         for job in jobs:
-            print(command_line(job))
+            print(shlex.join(["pdvol", *job.command()]))
         if jobs:
             print(
                 f"{len(jobs)} of {len(numbers)} runs are missing; then the same command collects them", file=sys.stderr

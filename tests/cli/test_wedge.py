@@ -19,7 +19,6 @@ from commands import PDVOL, SAFETY
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import open_run
 from pdvol.studio.draw.sheet import SheetLayout, shared_camera
-from pdvol.studio.wedge import farm
 from pdvol.studio.wedge.results import tiles
 from pdvol.studio.wedge.wedge import Wedge, ordered
 
@@ -155,60 +154,6 @@ def test_printed_lines_give_the_same_states_and_are_collected(folder, tmp_path, 
     assert "score 'broken': IndexError" in capsys.readouterr().err
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """Two workers of dask, in processes of their own."""
-    distributed = pytest.importorskip("distributed")
-    words = {"host": "127.0.0.1", "dashboard_address": None, "local_directory": tmp_path / "dask"}
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **words) as cluster:
-        yield cluster
-
-
-def test_workers_of_dask_give_the_same_states(folder, tmp_path, cluster, monkeypatch):
-    """One that is done, one that fails; and what they cannot start has its reason."""
-    words = ["mu=0.1" if word == "mu=0.1:0.3:2" else word for word in WORDS]
-    words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *words)
-    assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
-    alike = {entry["name"]: entry for entry in stored(folder / "w")["variations"] if entry["name"].endswith("_mu-0.1")}
-    others = states_of(folder / "w")
-    assert states_of(tmp_path / "w") == {name: others[name] for name in alike if name in others}
-    for entry, its in zip(stored(tmp_path / "w")["variations"], alike.values(), strict=True):
-        assert [entry[key] for key in ("name", "state", "reason", "scores")] == [
-            its[key] for key in ("name", "state", "reason", "scores")
-        ]
-
-    def nothing_there(words, log):
-        raise FileNotFoundError(f"No such file: {log}")
-
-    monkeypatch.setattr(farm, "carry_out", nothing_there)
-    words = ("wedge", folder / "fall.py", "-o", tmp_path / "none", "--steps", 2, "--vary", "mu=0.1", "--no-picture")
-    assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
-    (entry,) = stored(tmp_path / "none")["variations"]
-    assert entry["state"] == "failed" and "could not start it: No such file: " in entry["reason"]
-
-
-@pytest.mark.slow
-def test_a_killed_worker_of_dask_costs_nothing_but_time(tmp_path, cluster):
-    words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--no-picture")
-    command = [*PDVOL, "wedge", scene_in(tmp_path), "-o", tmp_path / "w", *map(str, words)]
-    command += ["--executor", f"dask={cluster.scheduler_address}"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        wait_for(tmp_path / "w/runs/mu-0.1/levels/0", process)
-        (hurt,) = [
-            worker.pid
-            for worker in cluster.workers.values()
-            for child in children(worker.pid)
-            if str(tmp_path / "w/runs/mu-0.1") in Path(f"/proc/{child}/cmdline").read_text().split("\0")
-        ]
-        os.kill(hurt, signal.SIGKILL)
-        assert runs.count(tmp_path / "w/runs/mu-0.1/levels/0") <= 200, "it was killed in mid-task"
-        assert process.wait(SAFETY) == 0
-    assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done"] * 3
-    assert pdvol("wedge", tmp_path / "fall.py", "-o", tmp_path / "local", *words, "--jobs", 1) == 0
-    assert runs.count(tmp_path / "local/runs/mu-0.1/levels/0") == 201
-    assert states_of(tmp_path / "w") == states_of(tmp_path / "local")
-
-
 def children(process):
     return [
         int(pid) for task in Path(f"/proc/{process}/task").iterdir() for pid in (task / "children").read_text().split()
@@ -299,8 +244,6 @@ def test_what_cannot_be_picked_is_said_in_one_line(folder, tmp_path, capsys, wor
         (("--vary", "colour=1,2"), "no parameter 'colour'"),
         (("--vary", "mu=0:1"), "mu=0:1:9"),
         ((), "say what differs"),
-        (("--vary", "mu=1,2", "--executor", "cloud"), "choose local, dask"),
-        (("--vary", "mu=1,2", "--executor", "dask=tcp://127.0.0.1:9"), "no scheduler answers"),
         (("--vary", "mu=1,2", "--score", "beauty"), "there is no beauty"),
         (("--vary", "mu=1,2", "--jobs", "0"), "at least 1"),
         (("--vary", "mu=1,2", "--runs", "5"), "bounds of --seek"),
@@ -311,8 +254,7 @@ def test_what_cannot_be_picked_is_said_in_one_line(folder, tmp_path, capsys, wor
         (("--vary", "mu=0:1", "--sample", "x"), "not a whole number"),
     ],
 )
-def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, message):
-    monkeypatch.setattr("pdvol.studio.wedge.farm.CONNECT", 0.5)
+def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, words, message):
     scene = scene_in(tmp_path)
     assert pdvol("wedge", scene, "-o", tmp_path / "w", *words, "--no-picture") == 2
     error = capsys.readouterr().err
