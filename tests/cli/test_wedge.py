@@ -240,43 +240,37 @@ def test_a_refined_variation_of_a_wedge_of_0_3_is_scored_on_level_0(folder, tmp_
     assert states(tmp_path / "picked", 0) == states(folder / "w" / "0", 0)
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("7",), "has no variation 7"),
-        (("2",), "variation 2 of"),
-        (("two",), "not the number"),
-        (("best",), "holds no search"),
-        (("1", "--to", "1"), "add --refine"),
-    ],
-)
-def test_what_cannot_be_picked_is_said_in_one_line(folder, tmp_path, capsys, words, message):
-    assert pdvol("pick", folder / "w", *words, "-o", tmp_path / "out") == 2
-    error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1 and not (tmp_path / "out").exists()
+PICK, WEDGE = ("pick", "w"), ("wedge", "fall.py")
+TWO, RANGE = ("--vary", "mu=1,2"), ("--vary", "mu=0:1")
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--vary", "colour=1,2"), "no parameter 'colour'"),
-        (("--vary", "mu=0:1"), "mu=0:1:9"),
-        ((), "say what differs"),
-        (("--vary", "mu=1,2", "--score", "beauty"), "there is no beauty"),
-        (("--vary", "mu=1,2", "--jobs", "0"), "at least 1"),
-        (("--vary", "mu=1,2", "--runs", "5"), "bounds of --seek"),
-        (("--vary", "mu=1,2", "--seek", "right"), "needs ranges"),
-        (("--vary", "mu=0:1", "--seek", "right", "--executor", "print"), "needs its runs at once"),
-        (("--vary", "mu=0:1", "--seek", "right", "--sample", "3"), "chooses its own"),
-        (("--vary", "mu=0:1", "--seek", "right", "--budget", "0"), "above zero"),
-        (("--vary", "mu=0:1", "--sample", "x"), "not a whole number"),
+        ((*PICK, "7"), "has no variation 7"),
+        ((*PICK, "2"), "variation 2 of"),
+        ((*PICK, "two"), "not the number"),
+        ((*PICK, "best"), "holds no search"),
+        ((*PICK, "1", "--to", "1"), "add --refine"),
+        ((*WEDGE, "--vary", "colour=1,2"), "no parameter 'colour'"),
+        ((*WEDGE, *RANGE), "mu=0:1:9"),
+        (WEDGE, "say what differs"),
+        ((*WEDGE, *TWO, "--score", "beauty"), "there is no beauty"),
+        ((*WEDGE, *TWO, "--jobs", "0"), "at least 1"),
+        ((*WEDGE, *TWO, "--runs", "5"), "bounds of --seek"),
+        ((*WEDGE, *TWO, "--seek", "right"), "needs ranges"),
+        ((*WEDGE, *RANGE, "--seek", "right", "--executor", "print"), "needs its runs at once"),
+        ((*WEDGE, *RANGE, "--seek", "right", "--sample", "3"), "chooses its own"),
+        ((*WEDGE, *RANGE, "--seek", "right", "--budget", "0"), "above zero"),
+        ((*WEDGE, *RANGE, "--sample", "x"), "not a whole number"),
     ],
 )
-def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, words, message):
-    scene = scene_in(tmp_path)
-    assert pdvol("wedge", scene, "-o", tmp_path / "w", *words, "--no-picture") == 2
+def test_mistakes_are_said_in_one_line(folder, tmp_path, capsys, words, message):
+    command, place, *rest = words
+    assert pdvol(command, folder / place, *rest, "-o", tmp_path / "out", "--no-picture") == 2
     error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1 and not (tmp_path / "w" / "0").exists()
+    assert message in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists() if words[0] == "pick" else not (tmp_path / "out" / "0").exists()
 
 
 def test_another_scene_and_a_full_folder_are_refused(folder, tmp_path, capsys):

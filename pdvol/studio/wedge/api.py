@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -113,33 +114,24 @@ def _run_here(
             yield Outcome(job, "failed", " ".join(str(error).split()))
 
 
+@dataclass(eq=False, repr=False)
 class WedgeTable:
     """The result of `pdvol.wedge`. A notebook shows it as a table with pictures.
-
-    Parameters
-    ----------
-    folder : of the wedge
-    entries : as `variations` of wedge.json, sorted by the first score
-    scene : the scene file or function
-    steps : number of time steps, instead of the scene's
-    temporary : the folder's owner, which removes it with this object; None where it is kept
 
     Attributes
     ----------
     folder : of the wedge; a temporary one is removed with this object
     entries : as `variations` of wedge.json, sorted by the first score
+    scene : the scene file or function
+    steps : number of time steps, instead of the scene's
+    temporary : the folder's owner, which removes it with this object; None where it is kept
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        entries: Sequence[dict[str, Any]],
-        scene: str | Path | Callable[..., Scene],
-        steps: int | None,
-        temporary: tempfile.TemporaryDirectory | None,
-    ):
-        self.folder, self.entries = folder, entries
-        self._scene, self._steps, self._temporary = scene, steps, temporary
+    folder: Path
+    entries: Sequence[dict[str, Any]]
+    scene: str | Path | Callable[..., Scene]
+    steps: int | None
+    temporary: tempfile.TemporaryDirectory | None
 
     @property
     def table(self) -> list[dict[str, Any]]:
@@ -173,9 +165,9 @@ class WedgeTable:
         """
         source, entry = chosen_run(self.folder, str(number))
         take_out(source, Path(out))
-        if to is not None and callable(self._scene):
+        if to is not None and callable(self.scene):
             changes = dict(Variation.from_json(entry).changes)
-            return run(self._scene(**changes), out, levels=to, steps=self._steps, resume=True)
+            return run(self.scene(**changes), out, levels=to, steps=self.steps, resume=True)
         return open_run(out if to is None else refine_run(out, to))
 
     def _repr_html_(self) -> str:
