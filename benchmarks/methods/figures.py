@@ -16,7 +16,7 @@ from pdvol.studio.draw.camera import camera_of_run
 from pdvol.studio.draw.layout import BACKGROUND
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE
-from pdvol.studio.variations.variation import length
+from pdvol.studio.wedge.variation import length
 
 WIDTH = 420  # pixels of one picture
 SMALL_WIDTH = 170  # pixels of one picture of a sweep

@@ -23,7 +23,7 @@ from pdvol.store.reader import open_run
 from pdvol.studio.study.conclusions import length
 from pdvol.studio.study.front import cheapest_within
 from pdvol.studio.study.reference import ReferenceStates
-from pdvol.studio.variations.variation import Base, Variation, times
+from pdvol.studio.wedge.variation import Base, Variation, times
 
 SHOT = Path(__file__).resolve().with_name("random_shot.py")
 

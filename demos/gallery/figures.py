@@ -11,7 +11,7 @@ from pdvol.measure.verify import LevelFindings, check_levels
 from pdvol.runs.run_metrics import distances_from_below, motion_from_level_0
 from pdvol.solve.report import PARTS
 from pdvol.store.reader import Run, RunLevel
-from pdvol.studio.variations.variation import length
+from pdvol.studio.wedge.variation import length
 
 MOST_STATES = 700  # of a level, that are checked for intersections
 

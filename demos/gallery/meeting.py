@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.common.tables import table
 from pdvol.store.reader import Run, RunLevel
-from pdvol.studio.variations.variation import length
+from pdvol.studio.wedge.variation import length
 
 NEAREST = 100
 """Number of vertices whose mean gap is given: about those of the gnome's finer level that touch."""

@@ -29,16 +29,15 @@ WORDS = {
     "studio.draw": "pictures, films",
     "studio.export": "other formats",
     "studio.play": "a page of a run",
-    "studio.variations": "many runs of a scene",
+    "studio.wedge": "many runs of a scene",
     "studio.study": "speed against accuracy",
-    "studio.wedge": "variations of level 0",
     "studio.live": "the live page",
     "commands": "the command line",
 }
 COLUMNS = {
     "forms": 0, "meshes": 1, "geometry": 2, "meshing": 1, "store": 3, "levels": 1, "measure": 2, "potentials": 1,
     "solve": 1, "integrate": 1, "runs": 2, "studio.imports": 0, "studio.draw": 3, "studio.export": 4, "studio.play": 5,
-    "studio.variations": 2, "studio.study": 3, "studio.wedge": 2, "studio.live": 1, "commands": 2,
+    "studio.wedge": 2, "studio.study": 3, "studio.live": 1, "commands": 2,
 }  # fmt: skip
 WIDTH, HEIGHT, ACROSS, DOWN = 176, 44, 196, 74
 """Size of a box, and the distances between boxes [pixels]."""

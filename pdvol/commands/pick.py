@@ -37,44 +37,33 @@ def main(options: Namespace) -> None:
     with stage("loading the solver"):
         from pdvol.runs.known_scenes import require_known
         from pdvol.runs.runner import refine_run
-        from pdvol.runs.scene_file import stored_file
+        from pdvol.runs.scene_file import stored_file, stored_shot
         from pdvol.store.reader import open_run
-        from pdvol.studio.wedge.pick import chosen_run, compared_levels, level_line, picked_number, take_out
-        from pdvol.studio.wedge.scores import chosen_scores
+        from pdvol.studio.wedge.pick import chosen_run, level_lines, take_out
 
     last = whole_number("--to", options.to) if options.to else None
     if last is not None and not options.refine:
         raise InputError("--to is the finest level of --refine; add --refine")
-    number = picked_number(options.wedge, options.number)
-    source, entry = chosen_run(options.wedge, number)
-    stored = open_run(source)
-    out = options.out or Path("runs") / f"{stored.info['scene']}_pick{number}"
+    source, entry = chosen_run(options.wedge, options.number)
+    stored = open_run(source).info
+    out = options.out or Path("runs") / f"{stored['scene']}_pick{entry['number']}"
     allow_scenes(options, source)
-    require_known(stored_file(stored.info))
+    require_known(stored_file(stored))
     take_out(source, out)
     if options.refine:
-        finest = last if last is not None else _levels(out) - 1
+        if last is None:
+            with stage(f"loading the scene of {out}"):
+                last = stored_shot(open_run(out).info).scene.levels - 1
         refine_run(
             out,
-            finest,
+            last,
             progress=progress_report(),
             wavefront=options.wavefront,
             xdmf=not options.no_xdmf,
             ranks=chosen_ranks(options),
         )
-    levels = compared_levels(out, chosen_scores(list(entry["scores"]), stored_file(stored.info)))
-    for level in levels:
-        print(level_line(level, levels[0]))
+    for line in level_lines(out, entry["scores"]):
+        print(line)
     if not options.refine:
-        print(f"refine it by: pdvol pick {options.wedge} {number} --refine", file=sys.stderr)
+        print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)
     report_run(out, not options.no_picture, not options.no_xdmf and options.refine)
-
-
-def _levels(out: Path) -> int:
-    """Of the scene of a stored run."""
-    from pdvol.runs.scene_file import stored_shot
-    from pdvol.stages import stage
-    from pdvol.store.reader import open_run
-
-    with stage(f"loading the scene of {out}"):
-        return stored_shot(open_run(out).info).scene.levels

@@ -107,7 +107,7 @@ def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | Non
     """The shot, levels and method that a study has found for the wanted accuracy or time."""
     from pdvol.studio.study.choice import choice_notes, chosen_point, with_point
     from pdvol.studio.study.conclusions import option_text
-    from pdvol.studio.variations.variation import length
+    from pdvol.studio.wedge.variation import length
 
     if bool(options.accuracy) == bool(options.time):
         raise InputError("--study needs --accuracy LENGTH or --time TIME, one of them")

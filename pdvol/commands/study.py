@@ -10,7 +10,7 @@ from pdvol.errors import InputError
 
 if TYPE_CHECKING:
     from pdvol.studio.study.study import Study
-    from pdvol.studio.variations.variation import Variation
+    from pdvol.studio.wedge.variation import Variation
 
 BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
 
@@ -74,7 +74,7 @@ def _show(made: "Study") -> None:
 
 def _reference(text: str, method: str) -> "Variation | None":
     from pdvol.runs.scene_file import parse_settings
-    from pdvol.studio.variations.variation import Variation
+    from pdvol.studio.wedge.variation import Variation
 
     if not text:
         return None

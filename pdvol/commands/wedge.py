@@ -1,8 +1,10 @@
 """`pdvol wedge`: many variations of a scene on level 0."""
 
+import shlex
 import sys
 import time
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,16 +14,16 @@ from pdvol.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pdvol.studio.variations.jobs import Executor
-    from pdvol.studio.variations.vary import Vary
+    from pdvol.studio.wedge.vary import Vary
     from pdvol.studio.wedge.wedge import Wedge
 
 SEEK_RUNS = 200  # of a search: an evolution strategy in two to four parameters has settled by then
 SEEK_BUDGET = 15.0  # minutes of a search
+PRINT = "print"
 EPILOG = """\
-The folder DIR gets wedge.json, runs/NAME (normal run folders), sheet.png and scatter.png. The same command goes on
-with what is stored; another --vary adds variations. --executor print writes command lines for a farm or a batch system
-and runs nothing; after they have run, the same command collects what is stored.
+The folder DIR gets wedge.json, normal run folders DIR/0, DIR/1, ..., sheet.png and scatter.png. The same command goes
+on with what is stored; another --vary adds variations. --executor print writes command lines for the scheduler of a
+cluster and runs nothing; after they have run, the same command collects what is stored.
 """
 
 
@@ -48,9 +50,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--seed", default="0", metavar="N", help="of --sample and --seek (default: 0)")
     add_jobs(parser)
-    parser.add_argument(
-        "--executor", default="local", metavar="HOW", help="local (default), dask=tcp://HOST:PORT, or print"
-    )
+    parser.add_argument("--executor", default="local", choices=("local", PRINT), help="of runs (default: local)")
     parser.add_argument(
         "--score",
         action="append",
@@ -81,39 +81,35 @@ def main(options: Namespace) -> int:
 
 
 def _make(options: Namespace) -> None:
-    from pdvol.studio.variations.vary import parsed_varies
-    from pdvol.studio.wedge.farm import PRINT, chosen_executor
-    from pdvol.studio.wedge.results import write_results
-    from pdvol.studio.wedge.sampling import TAKEN
+    from pdvol.studio.wedge.results import cell_text, draw_results, table_lines
+    from pdvol.studio.wedge.scores import chosen_scores
+    from pdvol.studio.wedge.vary import TAKEN, parsed_varies
     from pdvol.studio.wedge.wedge import Wedge
 
     jobs = chosen_jobs(options)
     _check_seek(options)
     shot, varies = chosen_shot(options), parsed_varies(options.vary, TAKEN)
     texts = [*([options.seek] if options.seek else []), *(text for text in options.score if text != options.seek)]
-    scores = {}
-    if texts:
-        from pdvol.studio.wedge.scores import chosen_scores
-
-        scores = chosen_scores(texts, shot.file)
-    wedge, executor = Wedge(shot, options.out, scores), chosen_executor(options.executor, jobs)
-    try:
-        with wedge.taken():
-            if options.seek and executor is not None:
-                _seek(options, wedge, varies, executor)
-            elif not _run(options, wedge, varies, executor):
-                return
-            entries, files = write_results(wedge, options.sort, not options.no_picture, options.film, options.tiles)
-    finally:
-        if executor is not None:
-            executor.close()
-    _print(wedge, entries, files, sys.stderr if options.executor == PRINT else sys.stdout)
+    wedge = Wedge.of(shot, options.out, chosen_scores(texts, shot.file))
+    with wedge.taken():
+        if options.seek:
+            _seek(options, wedge, varies, jobs)
+        elif not _run(options, wedge, varies, jobs):
+            return
+        entries = wedge.grouped(options.sort)
+        wedge.write()
+        files = draw_results(wedge, entries, not options.no_picture, options.film, options.tiles)
+    print("\n".join(table_lines(entries)), file=sys.stderr if options.executor == PRINT else sys.stdout)
+    if wedge.best:
+        best = wedge.best
+        print(f"best: number {best['number']}, {best['of']} = {cell_text(best['score'])}", file=sys.stderr)
+    print(f"{wedge.out}: {', '.join(file.name for file in (wedge.file, *files))}", file=sys.stderr)
 
 
 def _check_seek(options: Namespace) -> None:
     if options.seek:
-        if options.executor == "print":
-            raise InputError("--seek needs its runs at once: --executor local or dask=tcp://HOST:PORT")
+        if options.executor == PRINT:
+            raise InputError("--seek needs its runs at once: leave out --executor print")
         if options.sample or options.jitter is not None:
             raise InputError("--seek chooses its own variations; leave out --sample and --jitter")
     elif options.runs or options.budget is not None or options.goal is not None:
@@ -122,57 +118,38 @@ def _check_seek(options: Namespace) -> None:
         raise InputError(f"--budget {options.budget:g}: give minutes above zero")
 
 
-def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor | None") -> bool:
+def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: int) -> bool:
     """Make the runs, or print their command lines; whether all have ended."""
-    from pdvol.studio.wedge.farm import command_line
-    from pdvol.studio.wedge.progress import WedgeProgress
-    from pdvol.studio.wedge.sampling import chosen_variations
+    from pdvol.studio.wedge.results import progress
+    from pdvol.studio.wedge.vary import chosen_variations
+    from pdvol.studio.wedge.worker import Workers
 
     sample = whole_number("--sample", options.sample) if options.sample else None
     seed = whole_number("--seed", options.seed)
     if varies or sample is not None or options.jitter is not None or not wedge.entries:
         wedge.add(chosen_variations(varies, sample, options.jitter, seed), options.vary)
-    numbers = range(len(wedge.entries))
-    if executor is None:
-        jobs = wedge.missing(numbers)
+    total = len(wedge.entries)
+    if options.executor == PRINT:
+        jobs = wedge.missing()
         for job in jobs:
-            print(command_line(job))
+            print(shlex.join(["pdvol", *job.command()]))
         if jobs:
-            print(
-                f"{len(jobs)} of {len(numbers)} runs are missing; then the same command collects them", file=sys.stderr
-            )
+            print(f"{len(jobs)} of {total} runs are missing; then the same command collects them", file=sys.stderr)
         return not jobs
-    progress = WedgeProgress(len(numbers), wedge.out / "wedge.log")
-    try:
-        wedge.run(numbers, executor, progress.ended)
-    finally:
-        progress.close()
+    with closing(Workers(count)) as workers, progress(total) as report:
+        wedge.run(range(total), workers, report)
     return True
 
 
-def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor") -> None:
-    from pdvol.studio.wedge.progress import WedgeProgress
-    from pdvol.studio.wedge.sampling import search_ranges
+def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: int) -> None:
+    from pdvol.studio.wedge.results import progress
     from pdvol.studio.wedge.search import seek_best
+    from pdvol.studio.wedge.worker import Workers
 
     runs = whole_number("--runs", options.runs) if options.runs else SEEK_RUNS
     if runs < 1:
         raise InputError("--runs 0: give at least 1")
     deadline = time.monotonic() + 60.0 * (SEEK_BUDGET if options.budget is None else options.budget)
-    ranges, seed = search_ranges(varies), whole_number("--seed", options.seed)
-    progress = WedgeProgress(runs, wedge.out / "wedge.log", options.seek)
-    try:
-        seek_best(wedge, options.seek, ranges, executor, runs, deadline, seed, progress.ended, options.goal)
-    finally:
-        progress.close()
-
-
-def _print(wedge: "Wedge", entries: list, files: "Sequence[Path]", stream) -> None:  # type: ignore[no-untyped-def]
-    from pdvol.studio.wedge.results import cell_text, table_lines
-
-    for line in table_lines(entries):
-        print(line, file=stream)
-    if wedge.best:
-        best = wedge.best
-        print(f"best: number {best['number']}, {best['of']} = {cell_text(best['score'])}", file=sys.stderr)
-    print(f"{wedge.out}: {', '.join(file.name for file in files)}", file=sys.stderr)
+    seed, goal = whole_number("--seed", options.seed), float("inf") if options.goal is None else options.goal
+    with closing(Workers(count)) as workers, progress(runs, options.seek) as report:
+        seek_best(wedge, options.seek, varies, workers, runs, deadline, seed, report, goal)

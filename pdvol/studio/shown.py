@@ -1,8 +1,9 @@
 """What pictures, exports and pages share: the colours of bodies, obstacles and ground, creases, the way up, pieces of
-planes and loops of edges.
+planes and loops of edges; and where a wedge keeps its runs.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -98,3 +99,9 @@ def closed_loops(edges: np.ndarray) -> list[list[int]]:
         if len(chain) > 2 and at == start:
             loops.append(chain)
     return loops
+
+
+def wedge_run(folder: Path, number: int | str, name: str) -> Path:
+    """The run folder of a wedge's variation: `w/17`, or `w/runs/NAME` where pdvol 0.3 has made it."""
+    old = folder / "runs" / name
+    return old if old.is_dir() else folder / str(number)

@@ -16,7 +16,7 @@ from commands import PDVOL, SAFETY
 from pdvol.store.reader import open_run
 from pdvol.studio.study import study
 from pdvol.studio.study.reference import ReferenceStates
-from pdvol.studio.variations.executors import Workers
+from pdvol.studio.wedge.worker import Workers
 
 VARIED = ("--vary", "dt=0.04,0.01", "--vary", "level", "--vary", "max_iterations=1:200")
 WORDS = ("--steps", 6, *VARIED, "--budget", 3, "--reference", "dt=0.005")
@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     write(folder / "fall.py", FALL)
     with pytest.MonkeyPatch.context() as patch, closing(Workers(1)) as worker:
-        patch.setattr(study, "Processes", lambda jobs: worker)
+        patch.setattr(study, "Workers", lambda jobs, fresh: worker)
         assert pdvol("study", folder / "fall.py", "-o", folder / "s", *WORDS) == 0
     return folder
 

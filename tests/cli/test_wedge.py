@@ -19,9 +19,8 @@ from commands import PDVOL, SAFETY
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import open_run
 from pdvol.studio.draw.sheet import SheetLayout, shared_camera
-from pdvol.studio.wedge import farm
 from pdvol.studio.wedge.results import tiles
-from pdvol.studio.wedge.wedge import Wedge, ordered
+from pdvol.studio.wedge.wedge import Wedge, ordered, stored_runs
 
 SCORES = """
 
@@ -58,7 +57,7 @@ def stored(folder):
 
 
 def states_of(wedge):
-    return {run.name: states(run, 0) for run in sorted((wedge / "runs").iterdir()) if run.is_dir()}
+    return {run.parent.name: states(run.parent, 0) for run in sorted(wedge.glob("*/run.json"))}
 
 
 def test_each_variation_is_a_run_as_any_other(folder, tmp_path):
@@ -67,12 +66,12 @@ def test_each_variation_is_a_run_as_any_other(folder, tmp_path):
     assert [entry["number"] for entry in wedge["variations"]] == [0, 1, 2, 3]
     assert wedge["vary"] == ["height=0.02,-1", "mu=0.1:0.3:2"]
     for entry in wedge["variations"][:2]:
-        run = open_run(folder / "w" / "runs" / entry["name"])
+        run = open_run(folder / "w" / str(entry["number"]))
         assert entry["state"] == "done" and run.levels[0].steps == STEPS + 1 and len(run.levels) == 1
         assert entry["scores"] == {"right": run.levels[0].positions(STEPS)[:, 0].mean()}
     words = ("--set", "height=0.02", "--set", "mu=0.1", "--steps", STEPS, "--no-picture")
     assert pdvol("preview", folder / "fall.py", *words, "--out", tmp_path / "p") == 0
-    assert states(tmp_path / "p", 0) == states(folder / "w" / "runs" / NAMES[0], 0)
+    assert states(tmp_path / "p", 0) == states(folder / "w" / "0", 0)
 
 
 def test_a_failed_variation_has_its_reason_and_is_not_the_end(folder):
@@ -93,10 +92,10 @@ def test_the_film_shows_all_variations_and_failed_ones_with_their_reason(folder,
         frames = [np.asarray(frame)[..., :3].astype(int) for frame in film]
     assert len(frames) == 5  # 0.12 s at 30 frames a second at most, both ends included
     assert pdvol("wedge", *[word for word in words if word != "--no-picture"]) == 0
-    wedge = Wedge(load_shot(tmp_path / "copy/fall.py", None, STEPS), tmp_path / "copy/w")
+    wedge = Wedge.of(load_shot(tmp_path / "copy/fall.py", None, STEPS), tmp_path / "copy/w")
     with wedge.taken():
         entries = ordered(wedge.entries, "right")
-    shown = tiles(entries, wedge.runs(entries))
+    shown = tiles(entries, stored_runs(wedge.out, entries))
     moves = [entry["number"] < 2 for entry in entries]
     assert [tile.note.startswith("failed: ") and "floor" in tile.note for tile in shown] == [not m for m in moves]
     layout = SheetLayout.of(shown, shared_camera(shown).aspect, None)
@@ -115,11 +114,11 @@ def test_the_film_shows_all_variations_and_failed_ones_with_their_reason(folder,
 
 def test_the_same_command_goes_on_and_more_values_are_added(folder, tmp_path, capsys):
     shutil.copytree(folder, tmp_path / "copy")
-    copy, before = tmp_path / "copy", {p: p.stat().st_mtime_ns for p in (tmp_path / "copy").glob("w/runs/*/levels/*/*")}
+    copy, before = tmp_path / "copy", {p: p.stat().st_mtime_ns for p in (tmp_path / "copy").glob("w/*/levels/*/*")}
     assert before
     capsys.readouterr()
     assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *WORDS, "--jobs", 1) == 0
-    assert {p: p.stat().st_mtime_ns for p in copy.glob("w/runs/*/levels/*/*")} == before
+    assert {p: p.stat().st_mtime_ns for p in copy.glob("w/*/levels/*/*")} == before
     head, *rows, last = capsys.readouterr().out.splitlines()
     assert head.split() == ["number", "height", "mu", "right", "cluster", "state"] and "failed: " in last
     scores = [entry["scores"]["right"] for entry in stored(copy / "w")["variations"][:2]]
@@ -155,60 +154,6 @@ def test_printed_lines_give_the_same_states_and_are_collected(folder, tmp_path, 
     assert "score 'broken': IndexError" in capsys.readouterr().err
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """Two workers of dask, in processes of their own."""
-    distributed = pytest.importorskip("distributed")
-    words = {"host": "127.0.0.1", "dashboard_address": None, "local_directory": tmp_path / "dask"}
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **words) as cluster:
-        yield cluster
-
-
-def test_workers_of_dask_give_the_same_states(folder, tmp_path, cluster, monkeypatch):
-    """One that is done, one that fails; and what they cannot start has its reason."""
-    words = ["mu=0.1" if word == "mu=0.1:0.3:2" else word for word in WORDS]
-    words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *words)
-    assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
-    alike = {entry["name"]: entry for entry in stored(folder / "w")["variations"] if entry["name"].endswith("_mu-0.1")}
-    others = states_of(folder / "w")
-    assert states_of(tmp_path / "w") == {name: others[name] for name in alike if name in others}
-    for entry, its in zip(stored(tmp_path / "w")["variations"], alike.values(), strict=True):
-        assert [entry[key] for key in ("name", "state", "reason", "scores")] == [
-            its[key] for key in ("name", "state", "reason", "scores")
-        ]
-
-    def nothing_there(words, log):
-        raise FileNotFoundError(f"No such file: {log}")
-
-    monkeypatch.setattr(farm, "carry_out", nothing_there)
-    words = ("wedge", folder / "fall.py", "-o", tmp_path / "none", "--steps", 2, "--vary", "mu=0.1", "--no-picture")
-    assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
-    (entry,) = stored(tmp_path / "none")["variations"]
-    assert entry["state"] == "failed" and "could not start it: No such file: " in entry["reason"]
-
-
-@pytest.mark.slow
-def test_a_killed_worker_of_dask_costs_nothing_but_time(tmp_path, cluster):
-    words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--no-picture")
-    command = [*PDVOL, "wedge", scene_in(tmp_path), "-o", tmp_path / "w", *map(str, words)]
-    command += ["--executor", f"dask={cluster.scheduler_address}"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        wait_for(tmp_path / "w/runs/mu-0.1/levels/0", process)
-        (hurt,) = [
-            worker.pid
-            for worker in cluster.workers.values()
-            for child in children(worker.pid)
-            if str(tmp_path / "w/runs/mu-0.1") in Path(f"/proc/{child}/cmdline").read_text().split("\0")
-        ]
-        os.kill(hurt, signal.SIGKILL)
-        assert runs.count(tmp_path / "w/runs/mu-0.1/levels/0") <= 200, "it was killed in mid-task"
-        assert process.wait(SAFETY) == 0
-    assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done"] * 3
-    assert pdvol("wedge", tmp_path / "fall.py", "-o", tmp_path / "local", *words, "--jobs", 1) == 0
-    assert runs.count(tmp_path / "local/runs/mu-0.1/levels/0") == 201
-    assert states_of(tmp_path / "w") == states_of(tmp_path / "local")
-
-
 def children(process):
     return [
         int(pid) for task in Path(f"/proc/{process}/task").iterdir() for pid in (task / "children").read_text().split()
@@ -229,20 +174,20 @@ def test_a_killed_worker_and_a_killed_wedge_cost_nothing_but_time(tmp_path):
     command = [*PDVOL, "wedge", tmp_path / "fall.py", "-o", tmp_path / "w", *map(str, words)]
 
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        wait_for(tmp_path / "w/runs/mu-0.1/levels/0", process)
+        wait_for(tmp_path / "w/0/levels/0", process)
         for child in children(process.pid):
             os.kill(child, signal.SIGKILL)
-        wait_for(tmp_path / "w/runs/mu-0.2/levels/0", process)
+        wait_for(tmp_path / "w/1/levels/0", process)
         assert stored(tmp_path / "w")["variations"][0]["state"] == "done", "the killed job was run again"
         process.kill()
-    kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs/mu-0.1/levels/0").iterdir()}
+    kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "w/0/levels/0").iterdir()}
     assert pdvol("wedge", tmp_path / "fall.py", "-o", tmp_path / "w", *words) == 0
-    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs/mu-0.1/levels/0").iterdir()} == kept
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "w/0/levels/0").iterdir()} == kept
     assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done"] * 3
-    for name in ("0.1", "0.2"):
+    for number, name in enumerate(("0.1", "0.2")):
         alone = ("--set", f"mu={name}", "--steps", 200, "--no-picture", "--out", tmp_path / name)
         assert pdvol("preview", tmp_path / "fall.py", *alone) == 0
-        assert states(tmp_path / "w/runs" / f"mu-{name}", 0) == states(tmp_path / name, 0)
+        assert states(tmp_path / "w" / str(number), 0) == states(tmp_path / name, 0)
 
 
 def test_a_search_finds_and_goes_on_with_what_is_stored(tmp_path, capsys):
@@ -254,9 +199,9 @@ def test_a_search_finds_and_goes_on_with_what_is_stored(tmp_path, capsys):
     scores = [entry["scores"]["near"] for entry in wedge["variations"]]
     assert wedge["best"]["score"] == max(scores) == scores[wedge["best"]["number"]] and wedge["best"]["runs"] == 30
     assert max(scores) > -0.01 and max(scores) > max(scores[:6])
-    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs").glob("*/levels/0/*")}
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "w").glob("*/levels/0/*")}
     assert pdvol("wedge", scene, "-o", tmp_path / "w", *words) == 0
-    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs").glob("*/levels/0/*")} == before
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "w").glob("*/levels/0/*")} == before
     assert stored(tmp_path / "w")["best"] == wedge["best"]
     assert pdvol("pick", tmp_path / "w", "best", "-o", tmp_path / "best", "--no-picture") == 0
 
@@ -272,51 +217,60 @@ def test_a_picked_variation_is_refined_as_a_run_of_its_settings(folder, tmp_path
     for level in (0, 1):
         assert states(tmp_path / "picked", level) == states(tmp_path / "alone", level)
     assert pdvol(*words) == 0, "it goes on with the run that is there"
-    assert len(open_run(folder / "w" / "runs" / NAMES[1]).levels) == 1, "the wedge is as before"
+    assert len(open_run(folder / "w" / "1").levels) == 1, "the wedge is as before"
     assert pdvol("pick", folder / "w", 0, "-o", tmp_path / "picked") == 2
     assert "another run" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("7",), "has no variation 7"),
-        (("2",), "variation 2 of"),
-        (("two",), "not the number"),
-        (("best",), "holds no search"),
-        (("1", "--to", "1"), "add --refine"),
-    ],
-)
-def test_what_cannot_be_picked_is_said_in_one_line(folder, tmp_path, capsys, words, message):
-    assert pdvol("pick", folder / "w", *words, "-o", tmp_path / "out") == 2
-    error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1 and not (tmp_path / "out").exists()
+def test_a_refined_variation_of_a_wedge_of_0_3_is_scored_on_level_0(folder, tmp_path, capsys):
+    """Runs of 0.3 were in runs/NAME. They are read there, and refined in place."""
+    shutil.copytree(folder, tmp_path / "copy")
+    wedge = tmp_path / "copy" / "w"
+    old = stored(wedge) | {"format": 1}
+    (wedge / "wedge.json").write_text(json.dumps(old))
+    for number in (0, 1):
+        shutil.copytree(wedge / str(number), wedge / "runs" / NAMES[number])
+        shutil.rmtree(wedge / str(number))
+    assert pdvol("refine", wedge / "runs" / NAMES[1], "--to", 1, "--no-picture", "--no-xdmf") == 0
+    assert pdvol("wedge", tmp_path / "copy/fall.py", "-o", wedge, *WORDS, "--jobs", 1) == 0
+    again = stored(wedge)
+    assert again["format"] == 2 and not (wedge / "0").exists()
+    assert [entry["scores"] for entry in again["variations"]] == [entry["scores"] for entry in old["variations"]]
+    assert pdvol("pick", wedge, 0, "-o", tmp_path / "picked", "--no-picture") == 0
+    assert states(tmp_path / "picked", 0) == states(folder / "w" / "0", 0)
+
+
+PICK, WEDGE = ("pick", "w"), ("wedge", "fall.py")
+TWO, RANGE = ("--vary", "mu=1,2"), ("--vary", "mu=0:1")
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--vary", "colour=1,2"), "no parameter 'colour'"),
-        (("--vary", "mu=0:1"), "mu=0:1:9"),
-        ((), "say what differs"),
-        (("--vary", "mu=1,2", "--executor", "cloud"), "choose local, dask"),
-        (("--vary", "mu=1,2", "--executor", "dask=tcp://127.0.0.1:9"), "no scheduler answers"),
-        (("--vary", "mu=1,2", "--score", "beauty"), "there is no beauty"),
-        (("--vary", "mu=1,2", "--jobs", "0"), "at least 1"),
-        (("--vary", "mu=1,2", "--runs", "5"), "bounds of --seek"),
-        (("--vary", "mu=1,2", "--seek", "right"), "needs ranges"),
-        (("--vary", "mu=0:1", "--seek", "right", "--executor", "print"), "needs its runs at once"),
-        (("--vary", "mu=0:1", "--seek", "right", "--sample", "3"), "chooses its own"),
-        (("--vary", "mu=0:1", "--seek", "right", "--budget", "0"), "above zero"),
-        (("--vary", "mu=0:1", "--sample", "x"), "not a whole number"),
+        ((*PICK, "7"), "has no variation 7"),
+        ((*PICK, "2"), "variation 2 of"),
+        ((*PICK, "two"), "not the number"),
+        ((*PICK, "best"), "holds no search"),
+        ((*PICK, "1", "--to", "1"), "add --refine"),
+        ((*WEDGE, "--vary", "colour=1,2"), "no parameter 'colour'"),
+        ((*WEDGE, *RANGE), "mu=0:1:9"),
+        (WEDGE, "say what differs"),
+        ((*WEDGE, *TWO, "--score", "beauty"), "there is no beauty"),
+        ((*WEDGE, *TWO, "--jobs", "0"), "at least 1"),
+        ((*WEDGE, *TWO, "--runs", "5"), "bounds of --seek"),
+        ((*WEDGE, *TWO, "--seek", "right"), "needs ranges"),
+        ((*WEDGE, *RANGE, "--seek", "right", "--executor", "print"), "needs its runs at once"),
+        ((*WEDGE, *RANGE, "--seek", "right", "--sample", "3"), "chooses its own"),
+        ((*WEDGE, *RANGE, "--seek", "right", "--budget", "0"), "above zero"),
+        ((*WEDGE, *RANGE, "--sample", "x"), "not a whole number"),
     ],
 )
-def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, message):
-    monkeypatch.setattr("pdvol.studio.wedge.farm.CONNECT", 0.5)
-    scene = scene_in(tmp_path)
-    assert pdvol("wedge", scene, "-o", tmp_path / "w", *words, "--no-picture") == 2
+def test_mistakes_are_said_in_one_line(folder, tmp_path, capsys, words, message):
+    command, place, *rest = words
+    assert pdvol(command, folder / place, *rest, "-o", tmp_path / "out", "--no-picture") == 2
     error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1 and not (tmp_path / "w" / "runs").exists()
+    assert message in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists() if words[0] == "pick" else not (tmp_path / "out" / "0").exists()
 
 
 def test_another_scene_and_a_full_folder_are_refused(folder, tmp_path, capsys):

@@ -37,10 +37,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "studio.draw": STORED | {"levels", "studio"},
     "studio.export": STORED | {"runs", "studio"},
     "studio.play": STORED | {"measure", "studio", "studio.draw"},
-    "studio.variations": {"store", "runs"},
-    "studio.study": STORED | {"levels", "measure", "runs", "studio", "studio.draw", "studio.variations"},
-    "studio.wedge": STORED | {"measure", "runs", "studio", "studio.draw", "studio.variations"},
-    "studio.live": STORED | {"meshing", "runs", "studio", "studio.draw", "studio.variations"},
+    "studio.wedge": STORED | {"measure", "runs", "studio", "studio.draw"},
+    "studio.study": STORED | {"levels", "measure", "runs", "studio", "studio.draw", "studio.wedge"},
+    "studio.live": STORED | {"meshing", "runs", "studio", "studio.draw", "studio.wedge"},
 }
 WING = {name for name in MAY_IMPORT if name.startswith("studio")}
 """The tools; "studio" is what lies beside its folders."""

@@ -9,8 +9,8 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pdvol.errors import InputError
 from pdvol.runs.scene_file import load_shot, scene_parameters
-from pdvol.studio.variations.variation import value_text
-from pdvol.studio.variations.vary import Vary, parsed_varies
+from pdvol.studio.wedge.variation import value_text
+from pdvol.studio.wedge.vary import Vary, parsed_varies
 
 SLIDER_POSITIONS = 200  # of a slider of real numbers, about
 SPREAD = (0.25, 2.0)  # ends of a slider whose range nobody gave, over the value

@@ -8,7 +8,7 @@ from pdvol.errors import InputError
 from pdvol.runs.stage_lines import SO_FAR
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
-from pdvol.studio.variations.worker import Worker, last_line
+from pdvol.studio.wedge.worker import Worker, last_line
 
 
 class LiveRun:

@@ -17,7 +17,7 @@ from pdvol.studio.live.server import LocalServer
 from pdvol.studio.live.session import Session
 from pdvol.studio.live.stage import Stage
 from pdvol.studio.shown import upward_in_3d
-from pdvol.studio.variations.variation import value_text
+from pdvol.studio.wedge.variation import value_text
 
 PERIOD = 0.02  # seconds between looks at the stored states
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field

@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from pdvol.studio.variations.worker import Worker, WorkerEnded
+from pdvol.studio.wedge.worker import Worker, WorkerEnded
 
 POOL_SIZE = 3  # processes: one runs level 0, one refines, one is spare
 PATIENCE_OF_ABANDONED = 1.0  # seconds that a command line has to end after its interruption; its process is then ended

@@ -16,8 +16,8 @@ from pdvol.errors import InputError
 from pdvol.store.copying import copy_run, require_new
 from pdvol.studio.live.live_run import LiveRun
 from pdvol.studio.live.pool import Pool
-from pdvol.studio.variations.variation import value_text
-from pdvol.studio.variations.worker import last_line
+from pdvol.studio.wedge.variation import value_text
+from pdvol.studio.wedge.worker import last_line
 
 DEBOUNCE = 0.1  # seconds without a further change after which a new run begins
 LONGEST_WAIT = 0.4  # seconds after the first of many changes when a run begins all the same

@@ -13,9 +13,10 @@ from pdvol.store.render_meshes import StoredRender
 from pdvol.studio.play.details import Detail
 from pdvol.studio.play.fields import PointField
 from pdvol.studio.play.motion import Skin
+from pdvol.studio.shown import wedge_run
 
 WEDGE = "wedge.json"
-"""The file that a wedge folder is known by; its runs are in the folder `runs` beside it."""
+"""The file that a wedge folder is known by."""
 MOST_VERTEX_STATES = 12_000_000  # drawn vertices times states in a file: about 50 MB, and 100 MB in a browser's memory
 
 
@@ -143,7 +144,9 @@ def _panes_of_variation(folder: Path, place: int, entry: Mapping[str, Any], leve
     title = str(entry.get("number", place)) if changes else name
     reason = str(entry.get("reason") or "")
     try:
-        panes = panes_of_run(open_run(folder / "runs" / name), [0] if levels is None else levels)
+        panes = panes_of_run(
+            open_run(wedge_run(folder, entry.get("number", place), name)), [0] if levels is None else levels
+        )
     except InputError as error:
         return [Pane(title, lines=lines, note=reason or _short(error, entry.get("state")))]
     titles = [f"{title}, {pane.title}" for pane in panes] if len(panes) > 1 else [title]

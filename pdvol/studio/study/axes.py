@@ -8,8 +8,8 @@ from pdvol.errors import InputError
 from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.runs.scene_file import Shot, load_shot
 from pdvol.scene import Barrier, Friction, Scene
-from pdvol.studio.variations.variation import Base, Variation, number, times
-from pdvol.studio.variations.vary import parsed_varies
+from pdvol.studio.wedge.variation import Base, Variation, number, times
+from pdvol.studio.wedge.vary import parsed_varies
 
 # Factors of the scene's own value, the most telling ones first. Powers of two for the time step: all runs share times.
 FACTORS = {

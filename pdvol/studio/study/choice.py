@@ -10,7 +10,7 @@ from pdvol.errors import InputError
 from pdvol.runs.scene_file import Shot, load_shot, parse_value
 from pdvol.store.files import read_json
 from pdvol.studio.study.front import cheapest_within, most_accurate_within
-from pdvol.studio.variations.variation import length
+from pdvol.studio.wedge.variation import length
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "%": None}
 TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}

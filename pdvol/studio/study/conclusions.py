@@ -9,7 +9,7 @@ from pdvol.store.reader import Run, open_run
 from pdvol.studio.study.front import LEAST_DIFFERENCES, cheapest_within, fitted_order, on_front, richardson
 from pdvol.studio.study.plan import STRICTER, Plan
 from pdvol.studio.study.reference import ReferenceStates
-from pdvol.studio.variations.variation import Variation, length, number
+from pdvol.studio.wedge.variation import Variation, length, number
 
 SHOWN_ORDER = 3  # values of an axis from which on their differences are shown
 CHAOTIC = 10.0  # times by which jitter may grow until the end: more, and the end follows from chance

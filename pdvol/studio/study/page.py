@@ -19,7 +19,7 @@ from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.studio.shown import PALETTE
 from pdvol.studio.study.conclusions import option_text
 from pdvol.studio.study.labels import place_labels
-from pdvol.studio.variations.variation import length
+from pdvol.studio.wedge.variation import length
 
 LABELLED = 14  # points of the front that carry their settings: more find no free place
 

@@ -12,7 +12,7 @@ from pdvol.runs.preflight import COST_EXPONENT, COST_OFFSET
 from pdvol.scene import Scene
 from pdvol.studio.study.axes import Axis, cost_factor
 from pdvol.studio.study.front import candidates
-from pdvol.studio.variations.variation import Variation, times
+from pdvol.studio.wedge.variation import Variation, times
 
 JITTERS = 3  # repeated starts
 REFERENCE_SHARE = 0.35  # of the budget: what the reference may take, one run that nothing can shorten

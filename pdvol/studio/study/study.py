@@ -20,10 +20,9 @@ from pdvol.studio.study.axes import Axis, base_value
 from pdvol.studio.study.conclusions import conclusions
 from pdvol.studio.study.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted, finest_level
 from pdvol.studio.study.reference import ReferenceStates, cost
-from pdvol.studio.variations.executors import Processes
-from pdvol.studio.variations.folder import take_folder
-from pdvol.studio.variations.jobs import Job, Outcome, run_jobs
-from pdvol.studio.variations.variation import Base, Variation, number, value_text
+from pdvol.studio.wedge.jobs import Job, Outcome, run_jobs, take_folder
+from pdvol.studio.wedge.variation import Base, Variation, number, value_text
+from pdvol.studio.wedge.worker import Workers
 
 STUDY_FORMAT = 1  # of study.json: increased when an older pdvol cannot read it
 JITTER_SHARE = 1e-3  # of the smallest body's diagonal: how far apart jittered starts end in free flight
@@ -98,9 +97,10 @@ class Study:
         SimulationError
             The scene's own settings fail.
         """
-        with closing(take_folder(self.file, STUDY_FORMAT, self._description(), {"points": []})):
+        folder = take_folder(self.file, STUDY_FORMAT, self._description(), {"points": []})
+        with closing(folder), closing(Workers(self.jobs, fresh=True)) as workers:
             deadline = self.begin + max(self.budget - PAGE_TIME, 1.0)
-            outcomes = run_jobs(self._choose, Processes(self.jobs), deadline)
+            outcomes = run_jobs(self._choose, workers, deadline)
             for number in count(1):
                 with stage(f"simulating until run {number} of the study ends"):
                     outcome = next(outcomes, None)

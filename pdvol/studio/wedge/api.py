@@ -4,31 +4,33 @@ import base64
 import html
 import io
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
-from tqdm import tqdm
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.processes import cores
 from pdvol.runs.api import run
-from pdvol.runs.notebook_text import progress_stream
 from pdvol.runs.runner import refine_run
 from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Scene
 from pdvol.store.reader import Run, open_run
 from pdvol.studio.draw.picture import picture
-from pdvol.studio.variations.executors import Workers
-from pdvol.studio.variations.variation import Variation
-from pdvol.studio.variations.vary import Vary, parsed_varies
-from pdvol.studio.wedge.pick import take_out
-from pdvol.studio.wedge.progress import WedgeProgress
-from pdvol.studio.wedge.results import cell_text, default_sort, table, tiles
-from pdvol.studio.wedge.sampling import TAKEN, chosen_variations
+from pdvol.studio.draw.sheet import sheet_image
+from pdvol.studio.wedge.jobs import Outcome
+from pdvol.studio.wedge.pick import chosen_run, take_out
+from pdvol.studio.wedge.results import cell_text, table, tiles
+from pdvol.studio.wedge.results import progress as progress_of
 from pdvol.studio.wedge.scores import Score, chosen_scores
-from pdvol.studio.wedge.wedge import Wedge, done_runs, group, new_entry, ordered, scored
+from pdvol.studio.wedge.variation import Variation
+from pdvol.studio.wedge.vary import TAKEN, Vary, chosen_variations, parsed_varies
+from pdvol.studio.wedge.wedge import Wedge, stored_runs
+from pdvol.studio.wedge.worker import Workers
 
 MOST_THUMBNAILS = 48  # of a table in a notebook
 THUMBNAIL_WIDTH = 140  # pixels, of one of them
@@ -68,28 +70,27 @@ def wedge(
     InputError
         Something in the arguments is wrong. A variation that fails is a row with its reason.
     """
-    varies = [_vary(name, values) for name, values in (vary or {}).items()]
-    variations = chosen_variations(varies, sample, jitter, seed)
+    variations = chosen_variations([_vary(name, values) for name, values in (vary or {}).items()], sample, jitter, seed)
+    functions: dict[str, Score] = {}
+    for score in scores:
+        file = None if callable(scene) else Path(scene)
+        functions |= chosen_scores([score], file) if isinstance(score, str) else {score.__name__: score}
+    shot = None if callable(scene) else load_shot(scene, None, steps)
     temporary = tempfile.TemporaryDirectory(prefix="pdvol_") if out is None else None
     folder = Path(temporary.name if temporary else str(out))
-    file = None if callable(scene) else Path(scene)
-    functions = _functions(scores, file)
-    if callable(scene):
-        entries = _run_here(scene, variations, folder, functions, steps, progress)
+    if shot is None:
+        made = Wedge(folder, {"scene": getattr(scene, "__qualname__", "scene"), "steps": steps}, functions)
     else:
-        made, workers = Wedge(load_shot(scene, None, steps), folder, functions), Workers(jobs or cores())
-        try:
-            with made.taken():
-                numbers = made.add(variations)
-                watch = WedgeProgress(len(numbers), made.out / "wedge.log") if progress else None
-                made.run(numbers, workers, watch.ended if watch else lambda *_: None)
-                if watch:
-                    watch.close()
-                entries = made.entries
-        finally:
-            workers.close()
-    group(entries, done_runs(folder, entries))
-    return WedgeTable(folder, ordered(entries, default_sort(entries)), scene, steps, temporary)
+        made = Wedge.of(shot, folder, functions)
+    with made.taken():
+        numbers = made.add(variations)
+        with progress_of(len(numbers)) if progress else nullcontext(lambda *_: None) as report:
+            if callable(scene):
+                made.take(_run_here(scene, dict(zip(numbers, variations, strict=True)), made, steps), report)
+            else:
+                with closing(Workers(jobs or cores())) as workers:
+                    made.run(numbers, workers, report)
+        return WedgeTable(folder, made.grouped(), scene, steps, temporary)
 
 
 def _vary(name: str, values: Sequence | str) -> Vary:
@@ -100,63 +101,37 @@ def _vary(name: str, values: Sequence | str) -> Vary:
     return Vary(name, tuple(value.item() if hasattr(value, "item") else value for value in values))
 
 
-def _functions(scores: Sequence[str | Score], file: Path | None) -> dict[str, Score]:
-    found: dict[str, Score] = {}
-    for score in scores:
-        found |= chosen_scores([score], file) if isinstance(score, str) else {score.__name__: score}
-    return found
-
-
 def _run_here(
-    scene: Callable[..., Scene],
-    variations: Sequence[Variation],
-    folder: Path,
-    scores: Mapping[str, Score],
-    steps: int | None,
-    progress: bool,
-) -> list[dict[str, Any]]:
+    scene: Callable[..., Scene], variations: Mapping[int, Variation], made: Wedge, steps: int | None
+) -> Iterator[Outcome]:
     """Variations of a scene in memory, which no other process can load."""
-    entries = []
-    shown = tqdm(variations, desc="wedge", unit="run", file=progress_stream()) if progress else variations
-    for number, variation in enumerate(shown):
-        entry, where = new_entry(number, variation), folder / "runs" / variation.name
+    for number, variation in variations.items():
+        job, begin = made.job(number), time.monotonic()
         try:
-            run(scene(**dict(variation.changes)), where, levels=0, steps=steps, resume=where.exists())
-            entry["state"] = "done"
+            run(scene(**dict(variation.changes)), job.out, levels=0, steps=steps, resume=job.out.exists())
+            yield Outcome(job, "done", seconds=time.monotonic() - begin)
         except PdvolError as error:
-            entry |= {"state": "failed", "reason": " ".join(str(error).split())}
-        entry["scores"] = scored(where, scores) if entry["state"] == "done" else dict.fromkeys(scores)
-        entries.append(entry)
-    return entries
+            yield Outcome(job, "failed", " ".join(str(error).split()))
 
 
+@dataclass(eq=False, repr=False)
 class WedgeTable:
     """The result of `pdvol.wedge`. A notebook shows it as a table with pictures.
-
-    Parameters
-    ----------
-    folder : of the wedge
-    entries : as `variations` of wedge.json, sorted by the first score
-    scene : the scene file or function
-    steps : number of time steps, instead of the scene's
-    temporary : the folder's owner, which removes it with this object; None where it is kept
 
     Attributes
     ----------
     folder : of the wedge; a temporary one is removed with this object
     entries : as `variations` of wedge.json, sorted by the first score
+    scene : the scene file or function
+    steps : number of time steps, instead of the scene's
+    temporary : the folder's owner, which removes it with this object; None where it is kept
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        entries: Sequence[dict[str, Any]],
-        scene: str | Path | Callable[..., Scene],
-        steps: int | None,
-        temporary: tempfile.TemporaryDirectory | None,
-    ):
-        self.folder, self.entries = folder, entries
-        self._scene, self._steps, self._temporary = scene, steps, temporary
+    folder: Path
+    entries: Sequence[dict[str, Any]]
+    scene: str | Path | Callable[..., Scene]
+    steps: int | None
+    temporary: tempfile.TemporaryDirectory | None
 
     @property
     def table(self) -> list[dict[str, Any]]:
@@ -171,54 +146,43 @@ class WedgeTable:
         InputError
             There is no such number, or its run is not done.
         """
-        entry = next((entry for entry in self.entries if entry["number"] == number), None)
-        if entry is None:
-            raise InputError(f"there is no variation {number}; there are 0 to {len(self.entries) - 1}")
-        if entry["state"] != "done":
-            raise InputError(f"variation {number} is {entry['state']}: {entry['reason']}")
-        return open_run(self.folder / "runs" / entry["name"])
+        return open_run(chosen_run(self.folder, str(number))[0])
 
     def sheet(self, columns: int | None = None) -> Image.Image:
         """All variations in one picture."""
-        from pdvol.studio.draw.sheet import sheet_image
-
-        runs = done_runs(self.folder, self.entries)
         with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
-            file = sheet_image(tiles(self.entries, runs), Path(folder) / "sheet.png", columns)
-            with Image.open(file) as drawn:
-                return drawn.convert("RGB")
+            drawn = tiles(self.entries, stored_runs(self.folder, self.entries))
+            with Image.open(sheet_image(drawn, Path(folder) / "sheet.png", columns)) as image:
+                return image.convert("RGB")
 
     def pick(self, number: int, out: str | Path, to: int | None = None) -> Run:
-        """Copy a variation's run into a folder of its own, and refine it up to level `to`.
+        """Copy a variation's run into another folder, and refine it up to level `to`.
 
         Raises
         ------
         InputError
             As `run`; the folder holds something else; there is no such level.
         """
-        stored = self.run(number)
-        folder = take_out(stored.path, Path(out))
-        if to is None:
-            return open_run(folder)
-        if not callable(self._scene):
-            return open_run(refine_run(folder, to))
-        entry = next(entry for entry in self.entries if entry["number"] == number)
-        changes = dict(Variation.from_json({"changes": entry["changes"], "method": "progressive"}).changes)
-        return run(self._scene(**changes), folder, levels=to, steps=self._steps, resume=True)
+        source, entry = chosen_run(self.folder, str(number))
+        take_out(source, Path(out))
+        if to is not None and callable(self.scene):
+            changes = dict(Variation.from_json(entry).changes)
+            return run(self.scene(**changes), out, levels=to, steps=self.steps, resume=True)
+        return open_run(out if to is None else refine_run(out, to))
 
     def _repr_html_(self) -> str:
-        rows = self.table
+        rows, shown = self.table, stored_runs(self.folder, self.entries[:MOST_THUMBNAILS])
         head = "".join(f"<th>{html.escape(name)}</th>" for name in ["", *rows[0]] if rows)
-        lines = []
-        for place, (row, entry) in enumerate(zip(rows, self.entries, strict=True)):
-            shown = _thumbnail(self.run(row["number"])) if entry["state"] == "done" and place < MOST_THUMBNAILS else ""
-            lines.append(f"<td>{shown}</td>" + "".join(f"<td>{html.escape(cell_text(v))}</td>" for v in row.values()))
-        return f"<table><tr>{head}</tr>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
+        pictures = [_thumbnail(stored) if stored else "" for stored in shown] + [""] * (len(rows) - len(shown))
+        lines = [
+            f"<tr><td>{image}</td>{''.join(f'<td>{html.escape(cell_text(v))}</td>' for v in row.values())}</tr>"
+            for image, row in zip(pictures, rows, strict=True)
+        ]
+        return f"<table><tr>{head}</tr>{''.join(lines)}</table>"
 
 
 def _thumbnail(stored: Run) -> str:
     """The end of a run, as an image within a page."""
     buffer = io.BytesIO()
-    last = stored.levels[0].steps - 1
-    picture(stored, [0], [last], THUMBNAIL_WIDTH).save(buffer, "PNG")
+    picture(stored, [0], [stored.levels[0].steps - 1], THUMBNAIL_WIDTH).save(buffer, "PNG")
     return f'<img src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}">'

@@ -4,99 +4,70 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.spatial.distance import squareform
 
 from pdvol.store.reader import Run
 from pdvol.studio.wedge.scored_body import ScoredBody, is_whole_run
 
 ALIKE = 0.1  # sizes of the bodies: ends that differ by less are one cluster whatever the others do
-LEAST_GAP = 2.0  # a gap between merging distances, over the smaller of the two: by less nothing is set apart
+LEAST_GAP = 2.0  # a gap between merging distances, over the smaller of the two: by less nothing is separated
 ROUND = 1.2  # largest over smallest distance of a surface from its centre: a ball, which looks alike however it rolled
 
 
-def end_distances(runs: Sequence[Run], poses: bool = False) -> np.ndarray:
-    """(n, n): how far apart runs end: the root mean square, over the volume at rest, of the distance between the same
-    points at the end, over the size (diagonal of the box at rest) of all bodies together or of the largest one,
-    whichever is smaller. NaN with a run that ended early.
+def clusters(runs: Sequence[Run | None]) -> np.ndarray:
+    """(n,) int: the cluster of each run by its end state, -1 for runs that ended early, and where there is none.
 
-    All runs are of one scene and have the same finest level's mesh, perhaps placed differently.
-
-    Parameters
-    ----------
-    poses : whether to measure distances from each body's centre, so that places do not count; bodies that are round at
-        rest have no pose
-    """
-    ends: list[np.ndarray | None] = []
-    for run in runs:
-        everything = ScoredBody(run, -1)
-        if not is_whole_run(run):
-            ends.append(None)
-            continue
-        size = max(ScoredBody(run, i).size for i in range(len(run.info["bodies"])))
-        end = everything.level.positions(run.info["steps"])
-        end = _pose(run, end) if poses else end
-        ends.append(end * np.sqrt(everything.weights)[:, None] / size)
-    n = len(runs)
-    distances = np.full((n, n), np.nan)
-    for i, one in enumerate(ends):
-        for j, other in enumerate(ends[: i + 1]):
-            if one is not None and other is not None and one.shape == other.shape:
-                distances[i, j] = distances[j, i] = np.linalg.norm(one - other)
-    return distances
-
-
-def _pose(run: Run, end: np.ndarray) -> np.ndarray:
-    """(n, d) [m]: the vertices at the end from the centres of their bodies; zero for round bodies."""
-    pose = np.zeros_like(end)
-    for body in (ScoredBody(run, i) for i in range(len(run.info["bodies"]))):
-        rest = body.level.rest
-        reach = np.linalg.norm(rest[np.unique(body.facets)] - body.weights @ rest[body.vertices], axis=1)
-        if reach.max() > ROUND * reach.min():
-            pose[body.vertices] = end[body.vertices] - body.weights @ end[body.vertices]
-    return pose
-
-
-def clusters(runs: Sequence[Run]) -> np.ndarray:
-    """(n,) int: the cluster of each run by its end state, -1 for runs that ended early.
-
-    Runs are grouped by their `end_distances`, and the runs of each group by those of their poses: where bodies went far
+    Runs are grouped by their `end_state`, and the runs of each group by those of their poses: where bodies went far
     apart, poses would not count beside places. Clusters are numbered by size, equal ones by their first run. Nothing is
     random.
     """
-    distances = end_distances(runs)
-    whole = np.flatnonzero(~np.isnan(np.diag(distances)))
     labels = np.full(len(runs), -1)
-    if len(whole) == 0:
-        return labels
-    places = _grouped(distances[np.ix_(whole, whole)])
-    poses = end_distances([runs[i] for i in whole], poses=True)
-    found = np.zeros(len(whole), dtype=int)
-    for place in np.unique(places):
-        mine = np.flatnonzero(places == place)
-        found[mine] = _grouped(poses[np.ix_(mine, mine)]) + found.max()
-    order = sorted(set(found.tolist()), key=lambda c: (-np.sum(found == c), np.flatnonzero(found == c)[0]))
-    labels[whole] = [order.index(c) for c in found.tolist()]
+    whole = {i: run for i, run in enumerate(runs) if run is not None and is_whole_run(run)}
+    meshes: dict[int, list[int]] = {}  # those of one mesh: of others no distance is known
+    for i, run in whole.items():
+        meshes.setdefault(len(run.levels[-1].rest), []).append(i)
+    groups = list(meshes.values())
+    for poses in (False, True):
+        ends = {i: end_state(run, poses) for i, run in whole.items()}
+        groups = [part for group in groups for part in _parts(group, np.array([ends[i] for i in group]))]
+    for label, group in enumerate(sorted(groups, key=lambda group: (-len(group), group[0]))):
+        labels[group] = label
     return labels
 
 
-def _grouped(distances: np.ndarray) -> np.ndarray:
-    """(n,) int, from 1: groups by distances (n, n) [sizes], NaN where two can have none.
+def end_state(run: Run, poses: bool = False) -> np.ndarray:
+    """(n d,) a run's end as a point: the distance of two is the root mean square, over the volume at rest, of the
+    distance between the same vertices, over the size (diagonal of the box at rest) of the largest body.
 
-    Complete linkage: no two of a group are further apart than the height at which it is cut. It is cut in the middle of
-    the widest gap, as a quotient, between distances at which groups merge, counted from `ALIKE` on; where no gap is
-    `LEAST_GAP`, at `ALIKE` times that.
+    Parameters
+    ----------
+    poses : whether vertices are taken from their body's centre, so that places do not count; bodies that are round at
+        rest have no pose
     """
-    if len(distances) == 1:
-        return np.ones(1, dtype=int)
-    tree = linkage(squareform(np.nan_to_num(distances, nan=1e6), checks=False), "complete")
-    return fcluster(tree, _cut(tree[:, 2]), "distance")
+    everything, bodies = ScoredBody(run, -1), [ScoredBody(run, i) for i in range(len(run.info["bodies"]))]
+    end = everything.level.positions(run.info["steps"])
+    for body in bodies if poses else ():
+        rest = body.level.rest
+        reach = np.linalg.norm(rest[np.unique(body.facets)] - body.weights @ rest[body.vertices], axis=1)
+        is_round = reach.max() <= ROUND * reach.min()
+        end[body.vertices] = 0.0 if is_round else end[body.vertices] - body.weights @ end[body.vertices]
+    return (end * np.sqrt(everything.weights)[:, None] / max(body.size for body in bodies)).ravel()
 
 
-def _cut(heights: np.ndarray) -> float:
-    """The height [sizes] at which the tree is cut."""
-    steps = np.concatenate([[ALIKE], np.sort(heights[heights > ALIKE])])
-    quotients = steps[1:] / steps[:-1]
-    if len(quotients) == 0 or quotients.max() < LEAST_GAP:
-        return LEAST_GAP * ALIKE
-    widest = int(np.argmax(quotients))
-    return float(np.sqrt(steps[widest] * steps[widest + 1]))
+def _parts(group: list[int], ends: np.ndarray) -> list[list[int]]:
+    """A group of runs, divided by complete linkage of their ends (k, n d) [sizes]: no two of a part are further apart
+    than the height at which the tree is cut.
+
+    It is cut in the middle of the widest gap, as a quotient, between distances at which parts merge, counted from
+    `ALIKE` on; where no gap is `LEAST_GAP`, at `ALIKE` times that.
+    """
+    if len(group) == 1:
+        return [group]
+    tree = linkage(ends, "complete")
+    heights = np.concatenate([[ALIKE], np.sort(tree[:, 2][tree[:, 2] > ALIKE])])
+    gaps = heights[1:] / heights[:-1]
+    widest = int(np.argmax(gaps)) if len(gaps) else 0
+    cut = LEAST_GAP * ALIKE
+    if len(gaps) and gaps[widest] >= LEAST_GAP:
+        cut = float(np.sqrt(heights[widest] * heights[widest + 1]))
+    labels = fcluster(tree, cut, "distance")
+    return [[i for i, label in zip(group, labels, strict=True) if label == part] for part in np.unique(labels)]

@@ -1,17 +1,53 @@
-"""What a user sees of a wedge: the table, the contact sheet, its film, and parameters against scores."""
+"""What a user sees of a wedge: progress, the table, the contact sheet, its film, and parameters against scores."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
+from tqdm import tqdm
+
+from pdvol.runs.notebook_text import progress_stream
 from pdvol.store.reader import Run
 from pdvol.studio.draw.layout import cluster_name
-from pdvol.studio.wedge.wedge import Wedge, group, ordered
+from pdvol.studio.draw.sheet import MOST_TILES, Tile, sheet_film, sheet_image
+from pdvol.studio.wedge.jobs import Outcome
+from pdvol.studio.wedge.wedge import Report, Wedge, change, stored_runs
 
 
-def default_sort(entries: Sequence[Mapping[str, Any]]) -> str:
-    """The first score, or the number where there is none."""
-    return next((name for entry in entries for name in entry["scores"]), "number")
+@contextmanager
+def progress(total: int, best_of: str = "", stream: TextIO | None = None) -> Iterator[Report]:
+    """Shows how many runs have ended: one bar on a terminal, a line per run anywhere else.
+
+    Parameters
+    ----------
+    total : runs
+    best_of : text of the score whose largest value is shown; none when empty
+    stream : `progress_stream()` when None
+    """
+    stream = progress_stream() if stream is None else stream
+    states: list[str] = []
+    scores: dict[int, float] = {}
+    lines = not stream.isatty()
+    with tqdm(total=total, desc="wedge", unit="run", file=stream, dynamic_ncols=True, disable=lines) as bar:
+
+        def ended(entry: dict[str, Any], outcome: Outcome) -> None:
+            states.append(outcome.state)
+            if entry["scores"].get(best_of) is not None:
+                scores[entry["number"]] = entry["scores"][best_of]
+            failed, best = len(states) - states.count("done"), max(scores, key=lambda n: scores[n], default=None)
+            notes = [f"{failed} failed"] if failed else []
+            notes += [] if best is None else [f"best {cell_text(scores[best])} (number {best})"]
+            if lines:
+                how = f"done in {outcome.seconds:.1f} s" if outcome.seconds else "stored before"
+                how = how if outcome.state == "done" else f"{outcome.state}: {outcome.reason}"
+                line = f"{len(states)}/{total}  number {entry['number']}, {entry['name']}: {how}"
+                print("; ".join([line, *notes]), file=stream, flush=True)
+            else:
+                bar.set_postfix_str(", ".join(notes), refresh=False)
+                bar.update()
+
+        yield ended
 
 
 def table(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -33,12 +69,10 @@ def table(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def table_lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """The table as text in columns."""
     rows = table(entries)
-    if not rows:
-        return []
-    cells = [list(rows[0]), *([cell_text(value) for value in row.values()] for row in rows)]
-    if not any(row[-2] for row in cells[1:]):
-        cells = [[*row[:-2], row[-1]] for row in cells]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]) - 1)]
+    if not any(row["cluster"] for row in rows):
+        rows = [{name: value for name, value in row.items() if name != "cluster"} for row in rows]
+    cells = [list(rows[0]), *([cell_text(value) for value in row.values()] for row in rows)] if rows else []
+    widths = [max(map(len, column)) for column in list(zip(*cells, strict=True))[:-1]]
     return ["  ".join([*(c.rjust(w) for c, w in zip(row, widths, strict=False)), row[-1]]).rstrip() for row in cells]
 
 
@@ -49,10 +83,8 @@ def cell_text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def tiles(entries: Sequence[Mapping[str, Any]], runs: Sequence[Run | None]) -> list:
+def tiles(entries: Sequence[Mapping[str, Any]], runs: Sequence[Run | None]) -> list[Tile]:
     """A tile of the contact sheet for each variation, with parameters and scores, or the reason of a failure."""
-    from pdvol.studio.draw.sheet import Tile
-
     found = []
     for entry, run in zip(entries, runs, strict=True):
         lines = [f"{name} {text}" for name, text in entry["changes"].items()]
@@ -71,65 +103,31 @@ def scored_bodies(scores: Sequence[str], bodies: Sequence[str]) -> list[str]:
     return list(bodies) if [] in quoted else list(dict.fromkeys(sum(quoted, [])))
 
 
-def write_results(
-    wedge: Wedge, sort: str = "", sheet: bool = True, film: bool = False, apart: bool = False
-) -> tuple[list[dict], list[Path]]:
-    """Group the variations, draw what is wanted, and write wedge.json.
+def draw_results(
+    wedge: Wedge, entries: Sequence[Mapping[str, Any]], sheet: bool, film: bool, apart: bool
+) -> list[Path]:
+    """Draw variations in their order; returns the files.
 
     Parameters
     ----------
-    sheet : whether to draw sheet.png, and scatter.png where there are scores
+    sheet : whether to draw sheet.png, and scatter.png where there are parameters and scores
     film : whether to write sheet.mp4
-    apart : whether the sheet's pictures are also written as files of their own, `tiles/NUMBER.png`
-    sort : as `ordered` takes it; `default_sort` where empty
-
-    Returns
-    -------
-    entries, files
-        Variations in order, and the files that were written.
-
-    Raises
-    ------
-    InputError
-        `sort` names nothing.
+    apart : whether the sheet's pictures are also written as files, `tiles/NUMBER.png`
     """
-    group(wedge.entries, wedge.runs(wedge.entries))
-    entries = ordered(wedge.entries, sort or default_sort(wedge.entries))
-    wedge.write()
-    files = [wedge.file]
-    if not entries or not (sheet or film):
-        return entries, files
-    from pdvol.studio.draw.sheet import MOST_TILES, sheet_image
+    from pdvol.studio.draw.plots import scatter_image  # matplotlib
 
-    shown = entries[:MOST_TILES]
-    drawn = tiles(shown, wedge.runs(shown))
+    shown, files = entries[:MOST_TILES], list[Path]()
+    drawn = tiles(shown, stored_runs(wedge.out, shown)) if sheet or film else []
     if sheet:
         files.append(sheet_image(drawn, wedge.out / "sheet.png", apart=wedge.out / "tiles" if apart else None))
-        scatter = draw_scatter(wedge.out / "scatter.png", entries)
-        files += [scatter] if scatter else []
+        done = [entry for entry in entries if entry["state"] == "done"]
+        names = dict.fromkeys(name for entry in done for name in entry["changes"])
+        values = {name: [change(entry, name) for entry in done] for name in names}
+        texts = dict.fromkeys(text for entry in done for text in entry["scores"])
+        scores = {text: [entry["scores"].get(text) for entry in done] for text in texts}
+        if values and scores:
+            numbers = [str(entry["number"]) for entry in done]
+            files.append(scatter_image(values, scores, numbers, wedge.out / "scatter.png"))
     if film:
-        from pdvol.studio.draw.sheet import sheet_film
-
         files.append(sheet_film(drawn, wedge.out / "sheet.mp4"))
-    return entries, files
-
-
-def draw_scatter(file: Path, entries: Sequence[Mapping[str, Any]]) -> Path | None:
-    """Parameters against scores; None where there is none of either."""
-    from pdvol.studio.draw.plots import scatter_image
-
-    done = [entry for entry in entries if entry["state"] == "done"]
-    names = dict.fromkeys(name for entry in done for name in entry["changes"])
-    values = {name: [_number(entry["changes"].get(name, "")) for entry in done] for name in names}
-    texts = dict.fromkeys(name for entry in done for name in entry["scores"])
-    scores = {text: [entry["scores"].get(text) for entry in done] for text in texts}
-    if not values or not scores:
-        return None
-    return scatter_image(values, scores, [str(entry["number"]) for entry in done], file)
-
-
-def _number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
+    return files

@@ -6,7 +6,8 @@ motion, are NaN for a run that ended early.
 """
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -217,62 +218,45 @@ def chosen_scores(texts: Sequence[str], scene_file: Path | None) -> dict[str, Sc
 
 
 def _chosen(text: str, scene_file: Path | None) -> Score:
-    file, colon, rest = text.strip().rpartition(".py:")
-    turned = file.startswith("-")
+    file, colon, expression = text.strip().rpartition(".py:")
     source = Path(file.removeprefix("-").strip() + ".py") if colon else scene_file
-    call, minus = _parsed(text, rest)
-    turned = turned != minus
-    name = ast.unparse(call.func if isinstance(call, ast.Call) else call)
-    function = _named(text, name, None if colon else READY.get(name), source)
-    if isinstance(call, ast.Call) or function is READY.get(name):
-        function = _made(text, function, call)
-    return _checked_score(text, function, -1.0 if turned else 1.0)
-
-
-def _parsed(text: str, expression: str) -> tuple[Any, bool]:
-    """A name or the call of a name, and whether a minus is in front."""
     try:
-        call = ast.parse(expression.strip(), mode="eval").body
+        call: Any = ast.parse(("-" if file.startswith("-") else "") + expression.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         call = None
-    inner: Any = call.operand if isinstance(call, ast.UnaryOp) and isinstance(call.op, ast.USub) else call
-    if not isinstance(inner, ast.Name) and not (isinstance(inner, ast.Call) and isinstance(inner.func, ast.Name)):
+    sign = 1.0
+    if isinstance(call, ast.UnaryOp) and isinstance(call.op, ast.USub):
+        sign, call = -1.0, call.operand
+    name = call.func if isinstance(call, ast.Call) else call
+    if not isinstance(name, ast.Name):
         raise InputError(f'score {text!r} cannot be read; write upright("bear"), my_score, or module.py:my_score')
-    return inner, inner is not call
-
-
-def _named(text: str, name: str, ready: Callable | None, source: Path | None) -> Callable:
-    if ready is not None:
-        return ready
-    function = None if source is None else getattr(load_module(source), name, None)
+    ready: Any = None if colon else READY.get(name.id)
+    function: Any = ready or (None if source is None else getattr(load_module(source), name.id, None))
     if not callable(function):
         where = "" if source is None else f" and {source.name} has no such function"
-        raise InputError(f"score {text!r}: there is no {name}{where}; the ready scores are {', '.join(READY)}")
-    return function
-
-
-def _made(text: str, function: Callable, call: ast.Call | ast.Name) -> Callable:
-    """What a function that makes scores returns for literal arguments."""
-    try:
-        arguments = [ast.literal_eval(a) for a in call.args] if isinstance(call, ast.Call) else []
-        named = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords} if isinstance(call, ast.Call) else {}
-        return function(*arguments, **named)
-    except PdvolError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise InputError(f"score {text!r}: {type(error).__name__}: {' '.join(str(error).split())}") from error
-
-
-def _checked_score(text: str, function: Any, sign: float) -> Score:
+        raise InputError(f"score {text!r}: there is no {name.id}{where}; the ready scores are {', '.join(READY)}")
+    with _one_line(text):
+        if isinstance(call, ast.Call):
+            named = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
+            function = function(*map(ast.literal_eval, call.args), **named)
+        elif ready:
+            function = ready()
     if not callable(function):
         raise InputError(f"score {text!r} is {type(function).__name__}, not a function of a run")
 
     def score(run: Run) -> float:
-        try:
+        with _one_line(text):
             return sign * float(function(run))
-        except PdvolError:
-            raise
-        except (Exception, SystemExit) as error:
-            raise InputError(f"score {text!r}: {type(error).__name__}: {' '.join(str(error).split())}") from error
 
     return score
+
+
+@contextmanager
+def _one_line(text: str) -> Iterator[None]:
+    """Failures of a user's function, as an InputError of one line."""
+    try:
+        yield
+    except PdvolError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise InputError(f"score {text!r}: {type(error).__name__}: {' '.join(str(error).split())}") from error

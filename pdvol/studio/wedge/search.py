@@ -7,36 +7,32 @@ The strategy asks for a batch of variations, which run side by side and are stor
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.studio.variations.jobs import Executor, Outcome
-from pdvol.studio.variations.variation import Variation
-from pdvol.studio.variations.vary import stored_value
-from pdvol.studio.wedge.wedge import Wedge
+from pdvol.studio.wedge.variation import Variation
+from pdvol.studio.wedge.vary import Vary
+from pdvol.studio.wedge.wedge import Report, Wedge
+from pdvol.studio.wedge.worker import Workers
 
 BATCH = 6  # variations of a generation at least: what CMA-ES takes in two parameters
-LEAST_SECONDS = 1e-3  # of a search whose time was up before it began
 FIRST_SPREAD = 0.3  # standard deviation of the first batch, in ranges: it covers them
 MOST_RESTARTS = 50  # of a strategy that has contracted to a point, in one search
-
-Evaluate = Callable[[list[dict[str, float]]], list[float]]
 
 
 def seek_best(
     wedge: Wedge,
     text: str,
-    ranges: Mapping[str, tuple[float, float]],
-    executor: Executor,
+    varies: Sequence[Vary],
+    workers: Workers,
     runs: int,
     deadline: float,
     seed: int,
-    report: Callable[[dict[str, Any], Outcome], None],
-    goal: float | None = None,
+    report: Report,
+    goal: float = math.inf,
 ) -> dict[str, Any]:
     """Search ranges of parameters for the largest score; wedge.json gets the result as `best`.
 
@@ -45,8 +41,10 @@ def seek_best(
     Parameters
     ----------
     text : of the score, one of the wedge's
+    varies : the ranges
     runs : evaluations at most
-    deadline : on `time.monotonic()`'s clock [s]
+    deadline : on `time.monotonic()`'s clock [s]: what runs then is stopped
+    seed : of the random numbers, 0 or above
     report : called with the entry and the outcome of each run that ended
     goal : a score with which the search ends
 
@@ -57,130 +55,88 @@ def seek_best(
 
     Raises
     ------
+    InputError
+        A parameter has no range, or `cma` is not installed.
     SimulationError
         No run has a score.
     """
-    numbers: list[int] = []
+    if not varies:
+        raise InputError("--seek needs ranges: --vary NAME=A:B")
+    for vary in varies:
+        if vary.ends is None or vary.ends[0] == vary.ends[1]:
+            raise InputError(f"--seek needs ranges: write --vary {vary.name}=A:B")
+    words = [f"{vary.name}={vary.ends[0]:g}:{vary.ends[1]:g}" for vary in varies if vary.ends]
+    tried: list[dict[str, Any]] = []
 
-    def evaluate(points: Sequence[Mapping[str, float]]) -> list[float]:
-        tried = [Variation.of({name: stored_value(float(x)) for name, x in point.items()}) for point in points]
-        found = wedge.add(tried, [f"{name}={low:g}:{high:g}" for name, (low, high) in ranges.items()])
-        numbers.extend(found)
-        wedge.run(found, executor, report, deadline)
-        scores = [wedge.entries[number]["scores"].get(text) for number in found]
+    def evaluate(points: Sequence[np.ndarray]) -> list[float]:
+        chosen = [{vary.name: vary.at(float(x)) for vary, x in zip(varies, point, strict=True)} for point in points]
+        numbers = wedge.add([Variation.of(changes) for changes in chosen], words)
+        wedge.run(numbers, workers, report, deadline)
+        tried.extend(wedge.entries[number] for number in numbers)
+        scored = [entry for entry in tried if entry["scores"].get(text) is not None]
+        if scored:
+            best, count = max(scored, key=lambda entry: entry["scores"][text]), len({e["number"] for e in tried})
+            wedge.best = {"number": best["number"], "score": best["scores"][text], "of": text, "runs": count}
+        scores = [wedge.entries[number]["scores"].get(text) for number in numbers]
         return [math.nan if score is None else score for score in scores]
 
-    batch = executor.count * math.ceil(BATCH / executor.count)
-    seconds = max(deadline - time.monotonic(), LEAST_SECONDS)
-    best: dict[str, Any] | None = None
-    for found in seek(evaluate, ranges, runs, seconds, seed, goal, batch):
-        if found.number >= 0:
-            best = {"number": numbers[found.number], "score": found.score, "of": text, "runs": len(set(numbers))}
-            wedge.best = best
-    if best is None:
-        reason = next((wedge.entries[n]["reason"] for n in numbers if wedge.entries[n]["reason"]), "")
+    seek(evaluate, len(varies), runs, deadline, seed, goal, workers.count * math.ceil(BATCH / workers.count))
+    if wedge.best is None or all(entry["scores"].get(text) is None for entry in tried):
+        reason = next((entry["reason"] for entry in tried if entry["reason"]), "")
         raise SimulationError(f"--seek {text}: no run has a score" + (f"; {reason}" if reason else ""))
-    return best
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a search has found.
-
-    Attributes
-    ----------
-    number : of the best variation, counted from 0 in the order of evaluation; -1 where every evaluation failed
-    score : of the best variation; NaN where every evaluation failed
-    runs : how many variations were evaluated
-    """
-
-    number: int
-    score: float
-    runs: int
+    return wedge.best
 
 
 def seek(
-    evaluate: Evaluate,
-    ranges: Mapping[str, tuple[float, float]],
+    evaluate: Callable[[Sequence[np.ndarray]], list[float]],
+    count: int,
     runs: int,
-    seconds: float,
+    deadline: float,
     seed: int,
-    goal: float | None = None,
-    batch: int | None = None,
-) -> Iterator[Found]:
-    """Look for the parameters with the highest score; yields what is found so far after each batch. Same seed and same
-    scores, same search.
+    goal: float = math.inf,
+    batch: int = BATCH,
+) -> None:
+    """Look for the point of the unit cube with the highest score. Same seed and same scores, same search.
 
     Parameters
     ----------
-    evaluate : gives the scores of a batch of variations, one each; NaN for those that failed, which count as the worst
-    ranges : lower and upper bound of each parameter; nothing outside is evaluated
-    runs : the most variations that are evaluated
-    seconds : no batch is begun later [s]
-    seed : of the random numbers, 0 or above
+    evaluate : gives the scores of a batch of points (count,), one each; NaN for those that failed, which count as the
+        worst
+    runs : the most points that are evaluated
+    deadline : on `time.monotonic()`'s clock [s]: no batch is begun later
     goal : the search ends with the batch in which a score reaches it
-    batch : variations per batch, at least 4; a multiple of the number of workers keeps them busy
-
-    Raises
-    ------
-    InputError
-        A range is empty or not finite, or a bound is not positive.
+    batch : points at a time; a multiple of the number of workers keeps them busy
     """
-    low, high = _bounds(ranges)
-    if runs < 1 or not seconds > 0.0 or seed < 0:
-        raise InputError(f"a search needs runs = {runs}, seconds = {seconds:g} above 0 and seed = {seed} not below 0")
-    begin, names = time.monotonic(), list(ranges)
-    size = max(4, 4 + int(3 * np.log(len(names))) if batch is None else batch)
-    found = Found(-1, math.nan, 0)
-    for restart in range(MOST_RESTARTS):
-        strategy = _strategy(len(names), size, seed + 7919 * restart, anywhere=restart > 0)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # cma warns at import where matplotlib's pyplot is not wanted
+            import cma
+    except ModuleNotFoundError as error:
+        raise InputError("--seek needs the package cma: pip install 'pdvol[seek]'") from error
+    dimensions = max(count, 2)  # cma takes no single parameter: one that nothing depends on is added
+    done = 0
+    for restart in range(MOST_RESTARTS):  # from the middle first, then from random places
+        own = seed + 7919 * restart
+        start = np.random.default_rng(own).uniform(0.2, 0.8, dimensions) if restart else np.full(dimensions, 0.5)
+        options = {"bounds": [0.0, 1.0], "seed": own + 1, "popsize": batch, "verbose": -9, "verb_log": 0}
+        strategy = cma.CMAEvolutionStrategy(start, FIRST_SPREAD, options)
         while not strategy.stop():
             proposed = strategy.ask()
-            variations = [_named(names, low, high, point) for point in proposed[: runs - found.runs]]
-            scores = [float(score) for score in evaluate(variations)]
-            if len(scores) != len(variations):
-                raise InputError(f"{len(variations)} variations were to be scored, {len(scores)} scores came back")
-            for score in scores:
-                better = not math.isnan(score) and not score <= found.score
-                number, best = (found.runs, score) if better else (found.number, found.score)
-                found = Found(number, best, found.runs + 1)
-            yield found
-            reached = goal is not None and found.score >= goal
-            if reached or found.runs >= runs or time.monotonic() - begin >= seconds:
+            scores = evaluate([np.clip(point[:count], 0.0, 1.0) for point in proposed[: runs - done]])
+            done += len(scores)
+            if max(scores, key=_or_least) >= goal or done >= runs or time.monotonic() >= deadline:
                 return
             strategy.tell(proposed, losses(scores))
 
 
+def _or_least(score: float) -> float:
+    return -math.inf if math.isnan(score) else score
+
+
 def losses(scores: Sequence[float]) -> list[float]:
-    """What a strategy makes small: minus the scores; all that failed share a value above that of any other."""
-    values = [-score for score in scores]
-    finite = np.array([value for value in values if np.isfinite(value)])
-    worst = (float(finite.max()) + max(1.0, float(np.ptp(finite)))) if len(finite) else 0.0
-    least = (float(finite.min()) - 1.0) if len(finite) else -1.0
-    return [least if value == -np.inf else value if np.isfinite(value) else worst for value in values]
-
-
-def _bounds(ranges: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    if not ranges:
-        raise InputError("a search needs parameters to vary: --vary name=lower:upper")
-    for name, (lower, upper) in ranges.items():
-        if not (np.isfinite(lower) and np.isfinite(upper) and lower < upper):
-            raise InputError(f"a search varies {name} from {lower:g} to {upper:g}: write a lower and a higher number")
-    low, high = np.array(list(ranges.values()), dtype=float).T
-    return low, high
-
-
-def _named(names: Sequence[str], low: np.ndarray, high: np.ndarray, point: np.ndarray) -> dict[str, float]:
-    values = np.clip(low + np.asarray(point)[: len(names)] * (high - low), low, high)
-    return dict(zip(names, values.tolist(), strict=True))
-
-
-def _strategy(count: int, size: int, seed: int, anywhere: bool) -> Any:
-    """CMA-ES in the unit cube, from its middle, or from a random place."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # cma warns at import where matplotlib's pyplot is not wanted
-        import cma
-    dimensions = max(count, 2)  # cma takes no single parameter: one that nothing depends on is added
-    start = np.random.default_rng(seed).uniform(0.2, 0.8, dimensions) if anywhere else np.full(dimensions, 0.5)
-    options = {"bounds": [0.0, 1.0], "seed": seed + 1, "popsize": size, "verbose": -9, "verb_log": 0}
-    return cma.CMAEvolutionStrategy(start, FIRST_SPREAD, options)
+    """The values that a strategy makes small: minus the scores; all that failed share one above that of any other."""
+    values = np.array([-_or_least(score) for score in scores])
+    finite = values[np.isfinite(values)]
+    worst = finite.max() + max(1.0, np.ptp(finite)) if len(finite) else 0.0
+    least = finite.min() - 1.0 if len(finite) else -1.0
+    return [float(x) for x in np.nan_to_num(values, posinf=worst, neginf=least)]

@@ -3,7 +3,7 @@
 from pdvol.scene import Relative
 from pdvol.studio.study.axes import Axis
 from pdvol.studio.study.plan import REFERENCE, REFERENCE_SHARE, START_UP, Plan
-from pdvol.studio.variations.variation import Variation
+from pdvol.studio.wedge.variation import Variation
 
 VALUES = {"dt": 0.01, "tolerance": Relative(1e-3)}
 

@@ -6,7 +6,7 @@ import pytest
 import runs
 from pdvol import open_run
 from pdvol.store.writer import RunWriter
-from pdvol.studio.wedge.clusters import clusters, end_distances
+from pdvol.studio.wedge.clusters import clusters, end_state
 from shapes import box
 
 
@@ -29,9 +29,8 @@ def five(tmp_path):
 
 
 def test_distances_are_in_sizes_of_the_body(five):
-    distances, size = end_distances(five), np.linalg.norm(np.ptp(five[0].levels[0].rest, axis=0))
-    assert distances[0, 1] == pytest.approx(5.0 / size) and (distances == distances.T).all()
-    assert (np.diag(distances) == 0.0).all()
+    size = np.linalg.norm(np.ptp(five[0].levels[0].rest, axis=0))
+    assert np.linalg.norm(end_state(five[0]) - end_state(five[1])) == pytest.approx(5.0 / size)
 
 
 def test_two_groups(five):
@@ -56,5 +55,10 @@ def test_poses_of_one_place_are_groups_and_a_ball_has_none(tmp_path):
 
 def test_runs_that_ended_early_are_in_none(five, tmp_path):
     short = ending(tmp_path / "short", 0.0, stored=1)
-    assert clusters([five[0], short, five[1]]).tolist() == [0, -1, 1]
-    assert clusters([short]).tolist() == [-1]
+    assert clusters([five[0], short, five[1], None]).tolist() == [0, -1, 1, -1]
+    assert clusters([short]).tolist() == [-1] and clusters([]).tolist() == []
+
+
+def test_runs_of_other_meshes_are_never_alike(five, tmp_path):
+    other = ending(tmp_path / "other", 0.0, mesh=runs.ball(2, 90, (0.0, 0.0)))
+    assert clusters([five[0], other, five[2]]).tolist() == [0, 1, 0]

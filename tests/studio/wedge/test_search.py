@@ -3,99 +3,72 @@
 import numpy as np
 import pytest
 
-from pdvol.errors import InputError
+from pdvol.studio.wedge import search
 from pdvol.studio.wedge.search import losses, seek
+from pdvol.studio.wedge.vary import parsed_varies
 
-RANGES = {"speed": (0.0, 10.0), "spin": (-500.0, 500.0), "offset": (0.001, 0.002)}
-TOP = {"speed": 7.0, "spin": -210.0, "offset": 0.0018}
-
-
-def bowl(parameters):
-    """0 at `TOP`, less elsewhere: minus the squared distance in ranges."""
-    return -sum(((parameters[k] - TOP[k]) / (high - low)) ** 2 for k, (low, high) in RANGES.items())
+TOP = np.array([0.7, 0.29, 0.8])
 
 
-def scored(variations):
-    return [bowl(p) for p in variations]
+def bowl(point):
+    """0 at `TOP`, less elsewhere: minus the squared distance."""
+    return -float(((point - TOP) ** 2).sum())
 
 
-def sought(evaluate, runs, seed, **options):
-    """What a search has found at its end, and all variations that it evaluated."""
-    asked = []
+def sought(score, runs, seed, **options):
+    """The points that a search has evaluated, batch by batch, and their scores."""
+    batches = []
 
-    def recorded(variations):
-        asked.extend(variations)
-        return evaluate(variations)
+    def evaluate(points):
+        batches.append([(point, score(point)) for point in points])
+        return [value for _, value in batches[-1]]
 
-    *_, found = seek(recorded, RANGES, runs, 60.0, seed, **options)
-    assert found.runs == len(asked) <= runs
-    return found, asked
+    seek(evaluate, 3, runs, **{"deadline": np.inf, "seed": seed, **options})
+    points, scores = (np.array(part) for part in zip(*sum(batches, []), strict=True))
+    assert len(points) <= runs and (points >= 0.0).all() and (points <= 1.0).all()
+    return points, scores, [len(batch) for batch in batches]
 
 
 def test_finds_the_top_of_a_bowl():
-    found, asked = sought(scored, 300, 0)
-    assert found.runs == 300
-    assert found.score > -1e-4 and found.score == bowl(asked[found.number])
-    uniform = np.random.default_rng(0).uniform(*np.array(list(RANGES.values())).T, (300, 3))
-    assert found.score > max(scored([dict(zip(RANGES, row, strict=True)) for row in uniform]))
+    points, scores, _ = sought(bowl, 300, 0)
+    assert len(points) == 300 and scores.max() > -1e-4
+    assert scores.max() > max(map(bowl, np.random.default_rng(0).random((300, 3))))
 
 
 def test_same_seed_same_search():
-    (_, one), (_, other), (_, third) = (sought(scored, 60, seed) for seed in (3, 3, 4))
-    assert one == other and one != third
+    one, other, third = (sought(bowl, 60, seed)[0] for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one, other)
+    assert (one != third).any()
 
 
-def test_bounds_hold_and_are_reached():
-    found, asked = sought(lambda variations: [p["speed"] for p in variations], 200, 1)
-    assert all(low <= p[k] <= high for p in asked for k, (low, high) in RANGES.items())
-    assert found.score == pytest.approx(10.0, abs=0.05)
+@pytest.mark.parametrize(
+    ("score", "runs", "seed", "least"),
+    [
+        (lambda point: point[0], 200, 1, 0.995),  # the bound is reached
+        (lambda point: bowl(point) if point[1] < 0.5 else np.nan, 300, 0, -1e-3),  # half of them fail
+        (lambda point: 1.0, 5000, 0, 1.0),  # flat
+    ],
+)
+def test_bounds_failures_and_flat_scores(score, runs, seed, least):
+    assert np.nanmax(sought(score, runs, seed)[1]) >= least
 
 
-def test_failing_evaluations_do_not_stop_it():
-    def half(variations):
-        return [bowl(p) if p["spin"] < 0.0 else float("nan") for p in variations]
-
-    found, asked = sought(half, 300, 0)
-    assert found.score > -1e-3 and asked[found.number]["spin"] < 0.0
+def test_a_search_in_which_all_fail_ends():
+    assert np.isnan(sought(lambda point: np.nan, 40, 0)[1]).all()
 
 
-def test_a_search_in_which_all_fail():
-    found, _ = sought(lambda variations: [float("nan")] * len(variations), 40, 0)
-    assert (found.number, found.runs) == (-1, 40) and np.isnan(found.score)
-
-
-def test_the_bound_of_runs_cuts_the_last_batch():
-    sizes = []
-
-    def counted(variations):
-        sizes.append(len(variations))
-        return scored(variations)
-
-    assert sought(counted, 21, 0, batch=8)[0].runs == 21
-    assert sizes == [8, 8, 5]
-
-
-def test_the_bound_of_time_ends_it(monkeypatch):
-    from pdvol.studio.wedge import search
-
+def test_what_ends_a_search(monkeypatch):
+    assert sought(bowl, 21, 0, batch=8)[2] == [8, 8, 5], "the number of runs"
+    _, scores, sizes = sought(bowl, 1000, 0, goal=-0.01)
+    assert scores[-sizes[-1] :].max() >= -0.01 > scores[: -sizes[-1]].max(), "the goal"
     now = [0.0]
 
-    def slow(variations):
-        now[0] += 5.0
-        return scored(variations)
+    def slow(point):
+        now[0] += 5.0 / 6
+        return bowl(point)
 
     monkeypatch.setattr(search.time, "monotonic", lambda: now[0])
-    assert [found.runs for found in seek(slow, RANGES, 1000, 12.0, 0, batch=6)] == [6, 12, 18]
-
-
-def test_a_goal_ends_it_and_the_best_only_rises():
-    seen = list(seek(scored, RANGES, 1000, 60.0, 0, goal=-0.01))
-    assert seen[-1].score >= -0.01 > seen[-2].score and seen[-1].runs < 1000
-    assert all(a.score <= b.score and a.runs < b.runs for a, b in zip(seen, seen[1:], strict=False))
-
-
-def test_a_flat_score_ends():
-    assert sought(lambda variations: [1.0] * len(variations), 5000, 0)[0].number == 0
+    assert sought(slow, 1000, 0, deadline=12.0)[2] == [6, 6, 6], "the time"
 
 
 def test_failures_rank_last():
@@ -105,15 +78,7 @@ def test_failures_rank_last():
     assert values == sorted(values) and len(set(values)) == 3
 
 
-@pytest.mark.parametrize(
-    ("ranges", "runs", "message"),
-    [({}, 10, "needs parameters"), ({"x": (1.0, 1.0)}, 10, "varies x"), ({"x": (0.0, np.inf)}, 10, "varies x")],
-)
-def test_ranges_that_cannot_be_searched(ranges, runs, message):
-    with pytest.raises(InputError, match=message):
-        list(seek(scored, ranges, runs, 1.0, 0))
-
-
-def test_no_runs():
-    with pytest.raises(InputError, match="runs = 0"):
-        list(seek(scored, RANGES, 0, 1.0, 0))
+@pytest.mark.parametrize("words", [(), ("a=1,2",), ("a=1:1",)])
+def test_a_search_needs_ranges(words):
+    with pytest.raises(search.InputError, match="--seek needs ranges"):
+        search.seek_best(None, "s", parsed_varies(words), None, 1, 0.0, 0, print)

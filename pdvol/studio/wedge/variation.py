@@ -96,7 +96,9 @@ class Variation:
     @classmethod
     def from_json(cls, entry: Mapping) -> "Variation":
         """What `as_json` gave."""
-        return cls.of({name: parse_value(text) for name, text in entry["changes"].items()}, entry["method"])
+        return cls.of(
+            {name: parse_value(text) for name, text in entry["changes"].items()}, entry.get("method", "progressive")
+        )
 
 
 def value_text(value: Any) -> str:

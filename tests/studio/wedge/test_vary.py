@@ -6,8 +6,7 @@ from scipy.stats import qmc
 
 from pdvol.errors import InputError
 from pdvol.scene import Relative
-from pdvol.studio.variations.vary import MOST_VARIATIONS, parse_vary, parsed_varies
-from pdvol.studio.wedge.sampling import TAKEN, chosen_variations, search_ranges
+from pdvol.studio.wedge.vary import MOST_VARIATIONS, TAKEN, chosen_variations, parse_vary, parsed_varies
 
 
 def changes(*words, **options):
@@ -53,10 +52,6 @@ def test_a_sample_of_a_list_has_each_value_once():
     assert sorted(entry["a"] for entry in changes("a=1,2,3", sample=50)) == [1, 2, 3]
 
 
-def test_ranges_of_a_search_are_in_order():
-    assert search_ranges(parsed_varies(["a=3:1", "b=0:1:7"])) == {"a": (1.0, 3.0), "b": (0.0, 1.0)}
-
-
 @pytest.mark.parametrize(
     ("words", "options", "message"),
     [
@@ -82,9 +77,3 @@ def test_ranges_of_a_search_are_in_order():
 def test_mistakes_are_named(words, options, message):
     with pytest.raises(InputError, match=message):
         changes(*words, **options)
-
-
-@pytest.mark.parametrize("words", [(), ("a=1,2",), ("a=1:1",)])
-def test_a_search_needs_ranges(words):
-    with pytest.raises(InputError, match="--seek needs ranges"):
-        search_ranges(parsed_varies(words))

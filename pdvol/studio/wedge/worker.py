@@ -1,4 +1,4 @@
-"""A process that has all libraries loaded and carries out one `pdvol run` after the other."""
+"""Processes that have all libraries loaded and carry out one command line of `pdvol` after the other."""
 
 import contextlib
 import json
@@ -139,6 +139,48 @@ class Worker:
 
     def _signal(self, number: int) -> None:
         self._process.send_signal(number)  # not os.kill: another process may have the number of one that has ended
+
+
+class Workers:
+    """Some workers, as many as command lines are carried out at a time. Close them at the end.
+
+    Attributes
+    ----------
+    count : of command lines at a time
+    fresh : whether each command line gets a process of its own: its processor time is then what a user's own run takes
+    """
+
+    def __init__(self, count: int, fresh: bool = False):
+        self.count, self.fresh = count, fresh
+        self._workers: list[Worker] = []
+
+    def start(self, words: Sequence[str], log: Path) -> Worker:
+        """Carry out `pdvol` with these words; what it prints goes to the file `log`. Ended workers are replaced.
+
+        Raises
+        ------
+        RuntimeError
+            All are busy.
+        """
+        for free in [worker for worker in self._workers if not worker.busy]:
+            with contextlib.suppress(WorkerEnded):  # a large one ends once it has answered
+                if not self.fresh:
+                    free.start(words, log)
+                    return free
+            free.stop()
+            self._workers.remove(free)
+        if len(self._workers) >= self.count:
+            raise RuntimeError("all workers are busy")
+        new = Worker()
+        self._workers.append(new)
+        new.start(words, log)
+        return new
+
+    def close(self) -> None:
+        """End all processes."""
+        for worker in self._workers:
+            worker.stop()
+        self._workers.clear()
 
 
 def last_line(log: Path) -> str:

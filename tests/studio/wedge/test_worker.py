@@ -10,8 +10,7 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 from pdvol.store.folder import holds_run, read_info
 from pdvol.store.reader import open_run
-from pdvol.studio.variations.executors import Workers
-from pdvol.studio.variations.worker import Worker
+from pdvol.studio.wedge.worker import Worker, Workers
 
 STEPS = 5
 PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
@@ -34,8 +33,17 @@ def words(scene, name, *more):
     return ["run", scene, "--steps", STEPS, "--out", scene.parent / name, "--no-picture", "--no-xdmf", *more]
 
 
-def in_creation(folder):
-    return read_info(folder).get("state") == "creating"
+def wait(worker, condition):
+    limit = time.monotonic() + PATIENCE_OF_TESTS
+    while not condition():
+        assert time.monotonic() < limit and worker.poll() is None
+        time.sleep(0.02)
+
+
+def steps(folder):
+    """Stored states of level 0."""
+    ready = holds_run(folder) and read_info(folder).get("state") != "creating"
+    return open_run(folder).levels[0].steps if ready else 0
 
 
 def ended(worker):
@@ -88,32 +96,24 @@ def test_a_worker_that_ends_after_it_was_found_alive_is_replaced(scene, monkeypa
 
 def test_a_held_worker_stores_no_state_until_it_goes_on(worker, scene):
     worker.start(words(scene, "held", "--steps", 100_000), scene.parent / "held.log")
-    limit = time.monotonic() + PATIENCE_OF_TESTS
     folder = scene.parent / "held"
-    while not holds_run(folder) or in_creation(folder) or open_run(folder).levels[0].steps < 3:
-        assert time.monotonic() < limit and worker.poll() is None, (scene.parent / "held.log").read_text()
-        time.sleep(0.02)
+    wait(worker, lambda: steps(folder) >= 3)
     worker.pause()
     time.sleep(0.2)
-    held = open_run(folder).levels[0].steps
+    held = steps(folder)
     time.sleep(0.5)
-    assert worker.paused and open_run(folder).levels[0].steps == held
+    assert worker.paused and steps(folder) == held
     worker.resume()
-    while open_run(folder).levels[0].steps == held:
-        assert time.monotonic() < limit
-        time.sleep(0.02)
+    wait(worker, lambda: steps(folder) > held)
     worker.stop()
-    assert not worker.alive and open_run(folder).levels[0].steps > held
+    assert not worker.alive and steps(folder) > held
 
 
 def test_an_interrupted_worker_carries_out_the_next_run_as_any_other(worker, scene):
     worker.start(words(scene, "before"), scene.parent / "before.log")
     assert ended(worker) == 0
     worker.start(words(scene, "long", "--steps", 100_000), scene.parent / "long.log")
-    folder, limit = scene.parent / "long", time.monotonic() + PATIENCE_OF_TESTS
-    while not holds_run(folder) or in_creation(folder) or open_run(folder).levels[0].steps < 3:
-        assert time.monotonic() < limit and worker.poll() is None
-        time.sleep(0.02)
+    wait(worker, lambda: steps(scene.parent / "long") >= 3)
     worker.interrupt()
     assert ended(worker) == 130 and worker.alive
     assert "interrupted" in (scene.parent / "long.log").read_text()

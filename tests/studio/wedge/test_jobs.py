@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ import runs
 from cli_scenes import FALL, write
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
-from pdvol.studio.variations.executors import Processes, Workers
-from pdvol.studio.variations.jobs import MOST_STARTS, Job, run_jobs, stored_outcome
+from pdvol.studio.wedge.jobs import MOST_STARTS, Job, run_jobs, stored_outcome
+from pdvol.studio.wedge.worker import Workers
 
 STEPS = 6
 
@@ -23,9 +24,9 @@ def scene(tmp_path):
     return tmp_path / "fall.py"
 
 
-@pytest.fixture(params=[Processes, Workers])
+@pytest.fixture(params=[True, False], ids=["fresh", "staying"])
 def executor(request):
-    made = request.param(2)
+    made = Workers(2, request.param)
     yield made
     made.close()
 
@@ -86,7 +87,8 @@ def test_a_job_whose_worker_is_killed_is_run_again(scene):
     workers.close()
     assert [outcome.state for outcome in outcomes] == ["done"] and len(killed) == 1
     other = job(scene, "unhurt", steps=80)
-    (outcome,) = run_jobs(in_turn(other), Processes(1))
+    with closing(Workers(1, fresh=True)) as fresh:
+        (outcome,) = run_jobs(in_turn(other), fresh)
     for level, its in zip(open_run(hurt.out).levels, open_run(other.out).levels, strict=True):
         np.testing.assert_array_equal(level.positions(80), its.positions(80))
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pdvol.runs.scene_file import parse_settings
 from pdvol.scene import Pascal, Relative
-from pdvol.studio.variations.variation import Base, Variation, number, times, value_text
+from pdvol.studio.wedge.variation import Base, Variation, number, times, value_text
 
 BASE = Base(Path("scene.py"), (("young", 2e4), ("tolerance", Relative(1e-4))), 1.2, 0.01)
 SEVERAL = [
