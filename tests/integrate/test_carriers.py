@@ -14,7 +14,6 @@ from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.scripted_motion import Carriers
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.meshing.build import read_obstacle
-from pdvol.potentials.potential import Positions
 from pdvol.scene import (
     Barrier,
     Friction,
@@ -139,29 +138,19 @@ def carried(pairs, held=()):
     return Carriers(frozenset(held), meet)
 
 
-def test_a_body_is_carried_by_what_meets_it_and_carries_the_next():
-    found = carried([(0, PUSH), (1, 0), (1, 2), (3, STILL)])
-    assert found.of == {0: PUSH, 1: PUSH, 2: PUSH} and not found.blocked
-
-
-def test_a_row_that_ends_at_a_wall_stays():
-    found = carried([(0, PUSH), (0, 1), (1, STILL), (2, OTHER)])
-    assert found.of == {2: OTHER} and found.blocked
-
-
-def test_a_row_that_ends_at_a_held_body_stays():
-    found = carried([(0, PUSH), (0, 1)], held=(1,))
-    assert found.of == {} and found.blocked
-
-
-def test_a_body_between_two_that_move_apart_in_time_is_stuck():
-    found = carried([(0, PUSH), (0, OTHER)])
-    assert found.of == {} and found.blocked
-
-
-def test_where_nothing_meets_nothing_is_carried():
-    found = carried([])
-    assert found.of == {} and not found.blocked
+@pytest.mark.parametrize(
+    ("pairs", "held", "of", "blocked"),
+    [
+        ([(0, PUSH), (1, 0), (1, 2), (3, STILL)], (), {0: PUSH, 1: PUSH, 2: PUSH}, False),  # each carries the next
+        ([(0, PUSH), (0, 1), (1, STILL), (2, OTHER)], (), {2: OTHER}, True),  # a row that ends at a wall
+        ([(0, PUSH), (0, 1)], (1,), {}, True),  # a row that ends at a held body
+        ([(0, PUSH), (0, OTHER)], (), {}, True),  # between two that move differently
+        ([], (), {}, False),  # nothing meets
+    ],
+)
+def test_who_is_carried(pairs, held, of, blocked):
+    found = carried(pairs, held)
+    assert found.of == of and bool(found.blocked) == blocked
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -180,34 +169,3 @@ def test_the_rigid_motion_of_points_is_found(d, count):
         np.testing.assert_allclose(moved(others), others @ R.T + shift, atol=1e-7)
     else:
         np.testing.assert_allclose(moved(others) - others, np.tile(moved(points)[0] - points[0], (5, 1)), atol=1e-12)
-
-
-# ---- what would meet
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_what_would_meet_is_what_approaches_by_more_than_its_gap(d):
-    """A block 1 mm over a plane and 1 mm beside another one, on its way down, sideways, along and away."""
-    gap, dhat = 1e-3, 2e-3
-    along, up = np.eye(d)[0], np.eye(d)[-1]
-    one = block((0.0,) * (d - 1) + (gap,), (0.1,) * (d - 1) + (0.1,), 1)
-    two = block((0.1 + gap,) + (0.0,) * (d - 2) + (gap,), (0.2,) + (0.1,) * (d - 2) + (0.1,), 1)
-    floor = Plane((0.0,) * d, tuple(up), name="floor")
-    soft = make_scene().bodies[0].material
-    problem = make_stepper(
-        make_scene((soft, soft), obstacles=(floor,), contact=(Barrier(dhat=dhat),)), together(one, two)
-    )
-    mesh, potential, space = problem.space.mesh, problem.potential, problem.space
-    x = Positions(space, space.from_input(mesh.points))
-    potential.begin_step(x, x.owned, 1e-4, 0.0, 0.01)
-    first = (mesh.point_bodies == 0)[:, None]
-
-    def met(way):
-        pairs = potential.closing(x, space.from_input(np.where(first, way, 0.0)), 0.01)
-        return {frozenset(p if isinstance(p, int) else p.name for p in pair) for pair in pairs}
-
-    assert met(-2 * gap * up) == {frozenset({0, "floor"})}
-    assert met(2 * gap * along) == {frozenset({0, 1})}
-    assert met(2 * gap * (along - up)) == {frozenset({0, 1}), frozenset({0, "floor"})}
-    for way in (-0.9 * gap * up, 0.9 * gap * along, -2 * gap * along, 2 * gap * up, 0.0 * up):
-        assert met(way) == set()
