@@ -9,7 +9,6 @@ from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of, find_crossings
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import LEAST_GAIN
-from pdvol.potentials.potential import Positions
 from pdvol.scene import (
     Barrier,
     Gravity,
@@ -23,7 +22,6 @@ from pdvol.scene import (
     Translation,
     moved,
 )
-from pdvol.solve.prescribed import prescribed_direction
 from problems import block, make_scene, make_stepper, march, polyline, tetrahedron
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
@@ -146,28 +144,6 @@ def test_releasing_part_frees_only_that_part():
     assert np.abs((one.positions - mesh.points)[right(mesh.points)]).max() > 1e-3
 
 
-def test_a_direction_is_linear_in_what_moves():
-    """It carries a support where that goes. What the motion adds to Newton's direction doubles with it, for the model
-    is quadratic.
-    """
-    solver = Solver(tolerance=1e-6, linear="direct")
-    problem = make_stepper(
-        make_scene(supports=(Support(left),), solver=solver), block((0.0, 0.0, 0.0), (0.4, 0.1, 0.1), (4, 1, 1))
-    )
-    random, mesh = np.random.default_rng(1), problem.space.mesh
-    x_t = Positions(problem.space, problem.space.from_input(mesh.points))
-    problem.potential.begin_step(x_t, x_t.owned, 1e-4, 0.0, 0.01)
-    held = problem.motion.held
-    x = x_t.moved(1.0, np.where(held[:, None], 0.0, 1e-3 * random.standard_normal(x_t.owned.shape)))
-    move = np.broadcast_to([0.0, 0.02, 0.0], x.owned.shape)
-    none, once, twice = (
-        prescribed_direction(problem.newton, x, {}, factor * move, 0.01)[0] for factor in (0.0, 1.0, 2.0)
-    )
-    np.testing.assert_allclose(once[held], move[held], atol=1e-12)
-    assert np.abs(none).max() > 1e-4 and np.abs(once - none).max() > 1e-2
-    np.testing.assert_allclose(twice - none, 2.0 * (once - none), atol=1e-9 * np.abs(twice).max())
-
-
 # ---- through contact
 
 
@@ -286,24 +262,3 @@ def test_a_plane_carries_a_free_block_along(d, speed):
         assert report.reached == 1.0 and report.behind == 0.0
         assert report.positions[:, 0].min() > speed * report.time - 0.05
     assert sum(report.remedies.values()) == 0, "the last step is free flight"
-
-
-def test_what_was_held_back_is_caught_up_with():
-    """A plate sinks onto a held block, and contact holds it back. Its script then rises again. The plate is on time
-    again when the script is back at its start.
-    """
-    plate = Plane((0.0, 0.3), (0.0, -1.0), Path((0.0, 0.1, 0.2), ((0.0, 0.0), (0.0, -0.5), (0.0, 0.0))))
-    scene = make_scene(
-        dt=0.02,
-        supports=(Support(lambda X: X[:, 1] < 1e-9),),
-        obstacles=(plate,),
-        contact=(Barrier(dhat=5e-3),),
-        solver=SOLVER,
-    )
-    mesh = block((0.0, 0.0), (0.4, 0.2), (4, 2))
-    reports = list(march(make_stepper(scene, mesh), 11))
-    assert reports[4].behind > 0.0 and reports[-1].behind == 0.0
-    for report in reports:
-        height = 0.3 + plate.motion(np.zeros((1, 2)), report.time - report.behind)[0, 1]
-        assert 0.0 < report.positions[:, 1].max() < height
-        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
