@@ -128,29 +128,6 @@ def test_progressive_on_the_same_mesh_repeats_direct(d, name):
         np.testing.assert_allclose(b.positions, a.positions, atol=a.step * tolerance * scene.dt)
 
 
-def test_progressive_follows_the_coarse_velocity():
-    """One fine step without forces: x+ = x + dt P v_c to the solver's tolerance, here a rigid motion that P carries
-    exactly.
-    """
-    coarse, fine = block((0.0, 0.0), (1.0, 1.0), 1), block((0.0, 0.0), (1.0, 1.0), 3, jitter=0.1)
-    scene = make_scene((SOFT,), dt=0.1, steps=3)
-    levels = Hierarchy([coarse, fine], MPI.COMM_WORLD)
-    problem = Stepper(make_model(scene, fine, level=1), levels[1])
-    asked = []
-
-    def below(step):
-        asked.append(step)
-        return (State(coarse.points, np.tile([1.0 + step, -2.0], (len(coarse.points), 1))),)
-
-    reports = list(
-        progressive(problem, levels.prolongation(1), below, Start.at_rest(fine.points, np.zeros_like(fine.points)), 3)
-    )
-    assert sorted(set(asked)) == [0, 1, 2]  # not ahead: nothing is known of the forces of steps before
-    # Speeds 1, 2 and 3 along x and -2 along y, each for 0.1 s.
-    for report, shift in zip(reports, [(0.1, -0.2), (0.3, -0.4), (0.6, -0.6)], strict=True):
-        np.testing.assert_allclose(report.positions, fine.points + shift, atol=1e-9)
-
-
 def lead_of(integrator, path, number, dt=0.1):
     """What a coarser level of one vertex, with positions (steps, 2), adds to a finer one's in step `number`."""
     coarse = lambda step: past_of(integrator, lambda n: path[n : n + 1], np.zeros((1, 2)), step, dt)
@@ -192,35 +169,6 @@ def test_the_mean_of_forces_keeps_each_impulse():
     np.testing.assert_array_equal(changed[0], 0.0)
 
 
-def test_a_level_is_the_sum_of_what_steps_have_added():
-    """The lemmas of the paper's appendix B for two levels: x_1^{t+1} = x_1^1 + P (x_0^t - x_0^0) + the sum of what the
-    steps after the first have added to their predictions, gamma = -dt^2 M^-1 grad E, with forces from terms made anew.
-    """
-    scene, fine, _, velocity = falling(2, 1e-8, 8, contact=False)
-    coarse = block((0.0, 0.02), (0.3, 0.32), 1)
-    levels, integrator = Hierarchy([coarse, fine], MPI.COMM_WORLD), INTEGRATORS["implicit_euler"]()
-    problems = [
-        Stepper(make_model(scene, mesh, (), i), levels[i], integrator=integrator)
-        for i, mesh in enumerate((coarse, fine))
-    ]
-    thrown = np.tile([0.4, -1.0], (len(coarse.points), 1)) + 2.0 * (coarse.points - 0.1) ** 2
-    below = [coarse.points]
-    below += [report.positions for report in direct(problems[0], Start.at_rest(coarse.points, thrown), scene.steps)]
-    past = lambda step: past_of(integrator, below.__getitem__, thrown, step, scene.dt)
-    start = Start.at_rest(fine.points, velocity)
-    places = [report.positions for report in progressive(problems[1], levels.prolongation(1), past, start, scene.steps)]
-    space, added = levels[1], np.zeros_like(fine.points)
-    for n, place in enumerate(places[1:], 1):
-        terms = build_terms(make_model(scene, fine, (), 1), space)
-        begin, end = (Positions(space, space.from_input(x)) for x in (places[n - 1], place))
-        for term in terms.potentials:
-            term.begin_step(begin, n * scene.dt, (n + 1) * scene.dt)
-            added -= scene.dt**2 * space.to_input(term.gradient(end) / terms.mass)
-    expected = places[0] + levels.prolongation(1).prolong(below[-2] - below[0]) + added
-    assert np.abs(added).max() > 1e-3, "forces have moved it"
-    np.testing.assert_allclose(places[-1], expected, atol=scene.steps * 1e-8 * scene.dt)
-
-
 # ---- processes and restarts
 
 
@@ -254,8 +202,7 @@ def test_two_scenes_in_one_process_agree_with_each_alone(d):
             )
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("at", [1, 7])
+@pytest.mark.parametrize(("d", "at"), [(2, 1), (3, 7)])
 def test_resumed_equals_uninterrupted(d, at):
     """Bit for bit on one rank: positions and velocity are all that a step depends on."""
     scene, mesh, obstacles, velocity = falling(d, 1e-4, 10)

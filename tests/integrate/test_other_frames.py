@@ -68,32 +68,14 @@ def world(d, angle, drift):
     return np.array([(report.positions - report.time * np.asarray(drift)) @ R for report in reports])
 
 
-@pytest.fixture(scope="module")
-def alone():
-    return {d: world(d, 0.0, np.zeros(d)) for d in (2, 3)}
-
-
 @pytest.mark.parametrize("d", [2, 3])
-def test_something_happens(alone, d):
-    """The block has been pushed and carried, or the frames would agree for nothing."""
-    way = np.linalg.norm(alone[d][-1] - alone[d][0], axis=1)
-    assert way.min() > 0.02
-
-
-@pytest.mark.parametrize("frame", ["turned", "drifting", "both"])
-@pytest.mark.parametrize("d", [2, 3])
-def test_the_motion_is_the_same(alone, d, frame):
-    drift = np.array([0.5, -0.3, 0.2][:d]) if frame != "turned" else np.zeros(d)
-    seen = world(d, 0.9 if frame != "drifting" else 0.0, drift)
-    np.testing.assert_allclose(seen, alone[d], rtol=0.0, atol=1e-6)
-
-
-def test_a_planes_pose_is_its_motion():
-    """Of a plane, for points anywhere."""
-    move = Sequential((Rotation(0.7, (1.0, 2.0, 3.0), AXIS), Translation((0.1, 0.2, 0.3))))
-    plane = plane_obstacle(Plane((4.0, 5.0, 6.0), (1.0, 1.0, 0.2), move))
-    points = np.random.default_rng(0).uniform(-1, 1, (5, 3))
-    np.testing.assert_allclose(plane.pose(1.3)(points), move(points, 1.3), rtol=0.0, atol=1e-13)
+def test_the_motion_is_the_same(d):
+    """In a world that is turned and drifts. The block has been pushed and carried, or the frames would agree for
+    nothing.
+    """
+    alone = world(d, 0.0, np.zeros(d))
+    assert np.linalg.norm(alone[-1] - alone[0], axis=1).min() > 0.02
+    np.testing.assert_allclose(world(d, 0.9, np.array([0.5, -0.3, 0.2][:d])), alone, rtol=0.0, atol=1e-6)
 
 
 def pressed(d, pusher, angle, drift):
@@ -135,15 +117,14 @@ def pressed(d, pusher, angle, drift):
 
 @pytest.mark.parametrize("d, pusher", [(2, "support"), (3, "support"), (2, "ram")])
 def test_what_contact_holds_back_waits_on_the_floor_of_a_lift(d, pusher):
-    """A lift that goes up, and one that also goes sideways in a world that is turned: the pusher is at the same place
-    over the floor. How far it gets depends on the parts of its motion.
+    """A lift that goes up and sideways in a world that is turned: the pusher is at the same place over the floor. How
+    far it gets depends on the parts of its motion.
     """
     behind, alone = pressed(d, pusher, 0.0, np.zeros(d))
     assert behind > 0.01
-    for angle, drift in ((0.0, 2.0 * np.eye(d)[-1]), (0.9, np.array([2.0, -1.5, 1.0][:d]))):
-        late, seen = pressed(d, pusher, angle, drift)
-        np.testing.assert_allclose(late, behind, rtol=0.0, atol=0.002)
-        np.testing.assert_allclose(seen, alone, rtol=0.0, atol=0.005)
+    late, seen = pressed(d, pusher, 0.9, np.array([2.0, -1.5, 1.0][:d]))
+    np.testing.assert_allclose(late, behind, rtol=0.0, atol=0.002)
+    np.testing.assert_allclose(seen, alone, rtol=0.0, atol=0.005)
 
 
 # ---- which plane motions wait on
