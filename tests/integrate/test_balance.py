@@ -35,9 +35,10 @@ def solid(d: int, size: tuple[float, ...], cuts: tuple[int, ...]) -> tuple:
     return (meshes.Solid(points, cells, np.zeros(len(cells), dtype=np.int32)),)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("mu", [0.0, 0.1])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize(
+    ("d", "mu", "integrator"),
+    [(2, 0.0, "bdf2"), (2, 0.1, "implicit_euler"), (3, 0.0, "implicit_euler"), (3, 0.1, "bdf2")],
+)
 def test_a_heavy_stiff_block_at_rest_weighs_what_it_weighs(d, mu, integrator):
     """Its contact is so stiff that a step far below the tolerance changes the force by a tenth of the weight."""
     up = np.eye(d)[1]
@@ -95,9 +96,7 @@ def masses_of(step) -> np.ndarray:
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("gap", [0.002, 0.035])
-@pytest.mark.parametrize("iterations", [1, 20])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize(("d", "gap", "iterations"), [(2, 0.002, 1), (2, 0.035, 20), (3, 0.002, 20), (3, 0.035, 1)])
 def test_a_blow_counts_once_at_the_start_and_later(d, gap, iterations, integrator):
     """A ball hits a floor in the first step, or in a later one, and slides: both impulses are its momentum's change,
     and Coulomb's law holds between them.
@@ -128,8 +127,7 @@ def test_a_blow_counts_once_at_the_start_and_later(d, gap, iterations, integrato
     assert -change[0] / change[1] == pytest.approx(MU, rel=0.02)
 
 
-@pytest.mark.parametrize("gap", [0.004, 0.014, 0.024, 0.044])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize(("d", "gap"), [(2, 0.004), (2, 0.014), (2, 0.024), (2, 0.044), (3, 0.004), (3, 0.024)])
 def test_a_blow_counts_once_after_an_impulse(d, gap):
     """The ball is pushed at 0.1 s, and hits the floor in that step, in the next one or later."""
     up = np.eye(d)[1]

@@ -11,8 +11,9 @@ DAMPING, DT = 0.1, 0.01
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("stretch", [0.4, 0.7, 1.1, 1.5, 2.5])
-@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49, 0.499])
+@pytest.mark.parametrize(
+    ("stretch", "poisson"), [(0.4, 0.0), (0.4, 0.499), (0.7, 0.3), (1.1, 0.49), (1.5, 0.3), (2.5, 0.0), (2.5, 0.499)]
+)
 def test_a_stretch_that_keeps_its_volume_relaxes(poisson, stretch, integrator):
     """Inertia is negligible. Where strains are small, the stretch decays by 1 / e in one damping time."""
     start = np.array([stretch, stretch**-0.5, stretch**-0.5])

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from test_motions import crosses
 
-from on_ranks import results_on
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.integrate.marches import Start, direct
 from pdvol.levels.obstacles import read_geometry
 from pdvol.scene import Barrier, Deforming, Friction, Gravity, NeoHookean, PointCache, Solver, Support
 from problems import block, make_scene, make_stepper, march, masses
@@ -128,19 +126,3 @@ def test_a_free_block_is_thrown_up_by_a_sheet_and_never_crosses_it(d):
         assert not crosses(mesh, report.positions, (obstacle.at(report.time - report.behind), *shapes[0][1:]))
         assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
     assert report.behind == 0.0 and report.positions[:, -1].mean() > 0.25
-
-
-def throw(comm):
-    scene, mesh = thrown_up(2)
-    problem = make_stepper(scene, mesh, geometry(scene), comm)
-    reports = list(direct(problem, Start.at_rest(mesh.points, 0.0 * mesh.points), 4))
-    positions, behind = [r.positions for r in reports], [r.behind for r in reports]
-    return {"positions": positions, "behind": behind}
-
-
-@pytest.mark.mpi
-def test_one_rank_and_two_move_alike():
-    one, two = results_on((1, 2), throw)
-    assert one["positions"][-1][:, -1].mean() > 0.25
-    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-6)
-    np.testing.assert_array_equal(two["behind"], one["behind"])

@@ -55,9 +55,7 @@ def run(problem, steps, velocity=None):
 
 CASES = [
     (2, "plane", 1),
-    (2, "plane", 2),
     (2, "plane", 4),
-    (2, "rigid", 1),
     (2, "rigid", 2),
     (2, "rigid", 4),
     (3, "plane", 1),

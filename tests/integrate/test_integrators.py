@@ -9,7 +9,7 @@ from pdvol.integrate.integrator import BDF2, ImplicitEuler, Past, advance, past_
 from pdvol.integrate.marches import Start, direct
 from pdvol.potentials.potential import Positions
 from pdvol.registry import INTEGRATORS
-from pdvol.scene import Barrier, Friction, Gravity, Impulse, NeoHookean, Plane, Solver, Support
+from pdvol.scene import Gravity, Impulse, NeoHookean, Solver, Support
 from problems import block, make_scene, make_stepper, masses, take_step
 
 G = 9.81
@@ -84,9 +84,9 @@ class Oscillation:
         return kinetic + strained
 
 
-@pytest.fixture(scope="module", params=[2, 3])
-def oscillation(request):
-    return Oscillation(request.param)
+@pytest.fixture(scope="module")
+def oscillation():
+    return Oscillation(2)
 
 
 # ---- order and damping
@@ -220,34 +220,3 @@ def test_a_cut_step_ends_by_implicit_euler_and_bdf2_goes_on(monkeypatch):
     resumed = list(direct(make_stepper(scene, mesh, integrator=BDF2()), Start(3, past, reports[2].record()), 5))
     for one, other in zip(resumed, reports[3:], strict=True):
         np.testing.assert_array_equal(one.positions, other.positions)
-
-
-# ---- contact
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_a_block_falls_on_a_plane_and_comes_to_rest(d):
-    """Dropped from 3 cm with 0.5 m/s along a plane of mu = 0.5, it slides for about a tenth of a second. Its material
-    damps the bouncing, which BDF2 does not.
-    """
-    e, up = np.eye(d)[0], np.eye(d)[-1]
-    scene = make_scene(
-        (NeoHookean(young=1e5, poisson=0.3, density=1000.0, damping=0.01),),
-        dt=0.02,
-        steps=70,
-        loads=(Gravity(tuple(-G * up)),),
-        obstacles=(Plane((0.0,) * d, tuple(up)),),
-        contact=(Barrier(dhat=0.005), Friction(0.5, eps_v=1e-3)),
-        solver=Solver(tolerance=1e-5, linear="direct"),
-    )
-    mesh = block((0.0,) * (d - 1) + (0.03,), (0.2,) * (d - 1) + (0.13,), 2 if d == 2 else 1)
-    start = Start.at_rest(mesh.points, np.tile(0.5 * e, (len(mesh.points), 1)))
-    past, speeds, touched = start.past, [], 0
-    for report in direct(make_stepper(scene, mesh, integrator=BDF2()), start, scene.steps):
-        assert report.min_gap is None or report.min_gap > 0.0
-        assert report.positions[:, -1].min() > 0.0
-        past = advance(BDF2(), past, report.positions, scene.dt)
-        speeds.append(np.abs(past[0].velocity).max())
-        touched += report.contacts > 0
-    assert touched > 40
-    assert max(speeds) > 0.5 and max(speeds[-10:]) < 1e-3

@@ -10,7 +10,7 @@ from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.scene import Relative, metres
 
-SIDE, STEPS = 0.2, 30
+SIDE, STEPS = 0.2, 20
 SOFT = NeoHookean(2e4, 0.4, 1000.0)
 LENGTH = Relative(1e-3 * np.sqrt(3 / 5))  # of a cube: a thousandth of its own diagonal
 
@@ -53,9 +53,8 @@ def alone():
     return states(falling(cube("near", NEAR)))
 
 
-@pytest.mark.parametrize("far", [(100.0, 0.13, 0.0), (0.0, 3000.0, -3000.0)])
-def test_a_far_body_changes_no_state_by_more_than_the_tolerance(alone, far):
-    scene = falling(cube("near", NEAR), cube("far", far))
+def test_a_far_body_changes_no_state_by_more_than_the_tolerance(alone):
+    scene = falling(cube("near", NEAR), cube("far", (100.0, 0.13, -3000.0)))
     count = alone.shape[1]
     both = states(scene, slice(count))
     diagonal = np.sqrt(5) * SIDE  # of the box around the sphere of radius sqrt(5 / 12) SIDE

@@ -10,10 +10,10 @@ from pdvol.scene import Barrier, Friction, Gravity, Plane, Rigid, Solver, Suppor
 from problems import SOFT, block, make_scene, make_stepper, polyline, tetrahedron
 from shapes import together
 
-SAME = 1e-6  # of the scene's size, over the first 20 steps with the direct solver
+SAME = 1e-6  # of the scene's size, over the first steps with the direct solver
 
 
-STEPS, SIZE = 20, 0.5
+STEPS, SIZE = 12, 0.5
 PAIRS = {("body 0", "body 1"): 0.6, ("spike", "body 0"): 0.1, ("body 1", "plane"): 0.2}
 
 
@@ -76,15 +76,10 @@ def fall(comm, d, integrator, elements):
 @pytest.mark.parametrize(
     ("d", "ranks", "integrator", "elements"),
     [
-        (2, 2, "implicit_euler", "linear"),
         (3, 2, "implicit_euler", "linear"),
-        (2, 3, "implicit_euler", "linear"),
         (2, 2, "bdf2", "linear"),
         (2, 3, "implicit_euler", "smoothed"),
-        (3, 2, "implicit_euler", "smoothed"),
-        pytest.param(
-            3, 4, "implicit_euler", "linear", marks=pytest.mark.slow
-        ),  # more ranks than two: in 2D; 3D: on two
+        pytest.param(3, 4, "implicit_euler", "smoothed", marks=pytest.mark.slow),
     ],
 )
 def test_one_rank_and_more_agree(d, ranks, integrator, elements):

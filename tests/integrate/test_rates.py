@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.integrate.integrator import BDF2, ImplicitEuler, State, differences, rates_of
+from pdvol.integrate.integrator import BDF2, State, rates_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
@@ -23,16 +23,6 @@ ORDERS = {"implicit_euler": (0.85, 1.15), "bdf2": (1.8, 2.2)}
 
 def slope(lengths, errors):
     return np.polyfit(np.log(lengths), np.log(errors), 1)[0]
-
-
-# ---- how velocities follow from positions
-
-
-def test_differences_are_those_of_the_formulas():
-    dt = 0.0137
-    assert differences(ImplicitEuler(), 1, dt) == (dt, ()) == differences(BDF2(), 1, dt)
-    duration, weights = differences(BDF2(), 2, dt)
-    assert duration == pytest.approx(2 * dt / 3, rel=1e-15) and weights == pytest.approx((-1 / 3,), rel=1e-15)
 
 
 # ---- rates of given motions
@@ -214,7 +204,6 @@ def disc(rings=3, around=24):
     [
         ("kick", "implicit_euler", (0.0, 0.1)),
         ("kick", "bdf2", (0.6, 1.0)),
-        ("roll", "implicit_euler", (0.85, 0.93)),
         ("roll", "bdf2", (0.94, 1.0)),
     ],
 )

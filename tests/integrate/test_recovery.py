@@ -212,6 +212,7 @@ class Poison(Term):
     def add_hessian(self, x, weight, into):
         n = len(x.owned)
         into.add_diagonal(np.arange(n), self._or_bad("Hessian", np.tile(weight * np.eye(2), (n, 1, 1))))
+        into.add_pairs(np.array([0]), np.array([1]), self._or_bad("pairs", np.zeros((1, 2, 2))))  # as contact does
 
     def max_step(self, x, direction, until=None, gap_share=0.1):
         return float(self._or_bad("largest step", np.array(1.0)))
@@ -220,14 +221,14 @@ class Poison(Term):
 @pytest.mark.parametrize(
     "what, bad, said",
     [
-        *((what, np.nan, "not a number") for what in ("energy", "gradient", "Hessian", "largest step")),
+        *((what, np.nan, "not a number") for what in ("energy", "gradient", "Hessian", "pairs", "largest step")),
         *((what, np.inf, "infinite") for what in ("energy", "gradient", "Hessian")),
     ],
 )
 def test_what_is_not_a_number_is_named(what, bad, said):
     problem, x, v = falling()
     problem.potential.terms = (*problem.potential.terms, Poison(what, bad, 2))
-    report = take_step(problem, 1, x, v)
+    report, what = take_step(problem, 1, x, v), what.replace("pairs", "Hessian")
     with pytest.raises(ConvergenceError, match=f"level 0, step 2: the consistency term's {what} is {said}") as caught:
         take_step(problem, 2, report.positions, v)
     assert caught.value.step == 2

@@ -46,7 +46,7 @@ def march(scene, mesh, name="implicit_euler", velocity=0.0):
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_a_heap_that_has_come_to_rest_costs_an_iteration_a_step(name):
     """It lies still to the tolerance, and stays so."""
-    scene, mesh = heap(400)
+    scene, mesh = heap(300)
     reports = march(scene, mesh, name)
     iterations = np.array([report.newton_iterations for report in reports])
     assert iterations[-100:].mean() <= 2.0 < iterations[:50].mean()

@@ -27,8 +27,9 @@ def block(width, height, cuts, place):
     return (Solid(mesh.points + place, mesh.cells, np.zeros(len(mesh.cells), dtype=np.int32)),)
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6])
-@pytest.mark.parametrize("away", [(0.0, 1e3), (1e3, 0.0), (0.0, 1e4)])
+@pytest.mark.parametrize(
+    ("away", "tolerance"), [((0.0, 1e3), 1e-3), ((1e3, 0.0), 1e-6), ((0.0, 1e4), 1e-3), ((0.0, 1e4), 1e-6)]
+)
 def test_a_block_settles_far_from_the_origin_as_at_it(away, tolerance):
     """A load's energy is that of displacements: of positions, 10 km up, it would hide what a line search looks for."""
 
@@ -50,7 +51,7 @@ def test_a_block_settles_far_from_the_origin_as_at_it(away, tolerance):
     assert max(np.abs(one - other).max() for (one, _), (other, _) in zip(near, far, strict=True)) < 1e-7
 
 
-@pytest.mark.parametrize("turns", [-3.16, 3.16, 5.0, 6.0])
+@pytest.mark.parametrize("turns", [-3.16, 6.0])
 def test_bodies_of_milligrams_move_as_those_of_kilograms(turns):
     """Three blocks on each other, the top one turned by a support. Prescribed displacements in metres do not enter the
     residual of conjugate gradients, whose free rows are in kg m.
