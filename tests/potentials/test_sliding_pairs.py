@@ -1,6 +1,6 @@
 """Collision detection of pairs that slide: its steps end at the true time, however small gaps are beside the slide.
 
-Truth is ipctk's tight inclusion, which is independent of pdvol's code.
+Truth is the distance on the way, by ipctk, which is independent of pdvol's code.
 """
 
 import ipctk
@@ -17,7 +17,6 @@ from pdvol.potentials.potential import LEAST_LEFT
 
 DHAT = 1e-3  # m: primitives are 0.1 to 1 m large
 LEAST = 1e-3  # of dhat: what steps leave of a gap that begins above it
-INEXACT = 1e-5  # of the way: tight inclusion's tolerance is a tenth of it
 # m: distances of coordinates of up to 2 m are known to this; the smallest gaps here are 1e-15 m
 ROUND_OFF = 4e-15
 
@@ -90,25 +89,16 @@ def distance_of(place: np.ndarray, edges: bool) -> float:
 @settings(max_examples=400, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(slides())
 def test_a_slide_ends_at_its_true_time(case):
-    """Where the gap is what is kept, and no sooner than tight inclusion says.
-
-    That compares the largest coordinate of gap vectors, which is up to 3^(1/2) times smaller.
-    """
+    """Where the gap is what is kept: it is no less on the way, and no more at an end that comes early."""
     start, end, edges = case
     gap, least = distance_of(start, edges), LEAST * DHAT
     kept = LEAST_LEFT * min(gap, DHAT)
     kept = least if kept < least < gap / 1.001 else kept
     step = step_of(start, end, edges)
-    for share in np.linspace(0.0, step, 50):
+    for share in np.linspace(0.0, step, 100):
         assert distance_of(start + share * (end - start), edges) >= (1.0 - 1e-6) * kept - ROUND_OFF
-    if kept < 10.0 * ROUND_OFF:
-        return  # a difference of positions has no more digits
-    if step < 1.0:
+    if step < 1.0 and kept >= 10.0 * ROUND_OFF:  # below, a difference of positions has no more digits
         assert distance_of(start + step * (end - start), edges) <= 1.01 * kept + ROUND_OFF
-    detect = ipctk.TightInclusionCCD(tolerance=0.1 * INEXACT, max_iterations=1_000_000)
-    detect = detect.edge_edge_ccd if edges else detect.point_triangle_ccd
-    hits, true = detect(*start, *end, min_distance=np.sqrt(3.0) * kept, tmax=1.0)
-    assert step == 1.0 or (hits and step >= true - INEXACT)
 
 
 @pytest.mark.parametrize("edges", [False, True])
