@@ -16,7 +16,7 @@ from pdvol.registry import ELEMENTS
 from pdvol.scene import Body, FixedCorotational, Keyed, NeoHookean, Pressure, Region, Scene, StVenantKirchhoff
 from problems import elastic, make_scene
 from shapes import box, together
-from taylor import check_term, hessian_of, state
+from taylor import hessian_of, state
 
 DIMENSIONS = [2, 3]
 LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
@@ -41,7 +41,6 @@ def test_each_time_has_its_own_material(d, law, elements):
     for projection in ("none", "clamp"):
         one, other = (hessian_of(term, space, x, projection).toarray() for term in (keyed, fixed))
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-    check_term(keyed, space, x, 1e-2)
     stresses = [np.zeros((len(space.mesh.cells), 3, 3)) for _ in range(3)]
     measured = CauchyStress(keyed)
     for time, into in ((2.5, stresses[0]), (0.0, stresses[1])):

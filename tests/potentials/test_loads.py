@@ -9,11 +9,9 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.forms.inertia import inertia
-from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
-from pdvol.potentials.drag import Drag
 from pdvol.potentials.loads import assemble_mass, point_shares
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Solver
@@ -72,31 +70,6 @@ def test_inertia_is_the_form_that_dolfinx_assembles(d):
 # ---- drag as a term
 
 
-def swirl(x, t):
-    """A flow that turns about the origin, faster as time goes on."""
-    u = np.zeros_like(x)
-    u[:, 0], u[:, 1] = -x[:, 1], x[:, 0]
-    return (1.0 + t) * u + 0.1
-
-
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_drag(d):
-    """Convexity, and the force on each vertex by hand."""
-    space = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF)
-    rng = np.random.default_rng(1)
-    X, dt, strength = space.from_input(space.mesh.points), 0.02, 500.0
-    x_t = X + 0.05 * rng.uniform(-1, 1, X.shape)
-    term = Drag(space, np.ones(len(X), dtype=bool), swirl, strength)
-    term.begin_step(Positions(space, x_t), 0.3, 0.3 + dt)
-    x = x_t + 0.5 * dt * rng.uniform(-1, 1, X.shape)
-    assert np.linalg.eigvalsh(hessian_of(term, space, x, "none").toarray())[0] >= -1e-9
-    past = swirl(x_t, 0.3 + dt) - (x - x_t) / dt
-    areas = boundary_areas(space.mesh)[space.owned_points]
-    expected = (strength * areas * np.linalg.norm(past, axis=1))[:, None] * past
-    np.testing.assert_allclose(-term.gradient(Positions(space, x)), expected, rtol=1e-12, atol=1e-12)
-    assert np.count_nonzero(areas == 0.0) == 1, "the middle of the box feels nothing"
-
-
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_a_current_slows_and_carries(d):
     """A stiff unit cube in a flow along x: M (v+ - v)/dt = rho c/2 A (u - v+)^2 (implicit Euler), A = 2 d faces of area
@@ -147,13 +120,6 @@ def test_forces_add_their_momentum_and_change_with_time_without_compiling(d, mon
         t = number * scene.dt
         total += scene.dt * (50.0 * F(t) + hold + m.sum() * g(t))
         np.testing.assert_allclose(momentum(v, m), total, atol=1e-4 * np.abs(total).max())
-
-
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_constant_functions_are_constants(d):
-    mesh, down = box(d, 1, jitter=0.1), (0.0,) * (d - 1) + (-9.81,)
-    ours, theirs = (speeds(shot(Gravity(a)), mesh, 2)[0] for a in (down, lambda t: down))
-    np.testing.assert_allclose(ours[-1], theirs[-1], atol=1e-12)
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)

@@ -12,8 +12,7 @@ from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Candidates
 from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import Positions
-from pdvol.scene import NeoHookean, Plane, Translation
-from problems import elastic
+from pdvol.scene import Plane, Translation
 from shapes import box, level
 
 DHAT, KAPPA, SPEED = 0.3, 7.0, 0.4
@@ -98,14 +97,3 @@ def test_what_a_state_derives_is_found_once_for_each_version():
     find = lambda: asked.append(x) or len(asked)
     assert [x.get("one", find), x.get("one", find), x.get("other", find), x.get("one", find, 1)] == [1, 1, 2, 3]
     assert [x.get("one", find, 1), x.get("one", find)] == [3, 4]
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_an_energy_with_new_parameters_is_evaluated_anew(d):
-    space = LevelSpace(box(d, 2), MPI.COMM_SELF)
-    (term,) = elastic(space, NeoHookean(3.0, 0.3))
-    x = Positions(space, space.from_input(space.mesh.points * np.linspace(1.1, 0.9, d)))
-    before = term.value(x)
-    assert before > 0.0
-    term.set_parameters({name: 2.0 * values for name, values in term.parameters.items()})
-    np.testing.assert_allclose(term.value(x), 2.0 * before, rtol=1e-14)

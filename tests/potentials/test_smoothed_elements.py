@@ -10,13 +10,12 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.potential import Positions
 from pdvol.potentials.stress import CauchyStress
 from pdvol.runs.scene_file import Shot
-from pdvol.scene import Muscle, NeoHookean, Region, StVenantKirchhoff, Support, Translation, rotation_matrix
+from pdvol.scene import Muscle, NeoHookean, Region, StVenantKirchhoff, Support, Translation
 from problems import block, elastic, make_model, make_scene, make_stepper, march
 from shapes import box, together
 from smoothed_reference import edge_domains, mean, neo_hookean, st_venant_kirchhoff
@@ -115,24 +114,6 @@ def test_patch(d, law):
     np.testing.assert_allclose(stresses, stresses[[0] * len(stresses)], atol=1e-11 * np.abs(stresses).max())
 
 
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_every_frame_has_the_same_energy(d):
-    """The rest shape turned, moved and scaled, and the positions with it: forces turn along."""
-    mesh = box(d, 2, jitter=0.1)
-    turn, size = rotation_matrix(1.1, (1.0, 2.0, -0.5), d), 1e-3
-    placed = lambda points: size * points @ turn.T + np.linspace(-3.0, 4.0, d)
-    found = []
-    for frame in (lambda points: points, placed):
-        space = LevelSpace(replace(mesh, points=frame(mesh.points)), MPI.COMM_SELF)
-        term, _ = elastic(space, NeoHookean(3.0, 0.3), elements="smoothed")
-        moved = mesh.points + 0.05 * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape)
-        x = Positions(space, space.from_input(frame(moved)))
-        found.append((term.value(x), space.to_input(term.gradient(x))))
-    (energy, force), (other, turned) = found
-    assert other == pytest.approx(size**d * energy, rel=1e-9)
-    np.testing.assert_allclose(turned, size ** (d - 1) * force @ turn.T, atol=1e-9 * np.abs(turned).max())
-
-
 def pressed(mesh, share):
     """Positions (n, d) at which an inner vertex has come so near to the opposite side of an inner cell that the cell
     has this share of its volume.
@@ -194,11 +175,3 @@ def test_the_setting():
     for wrong in (lambda: scene.with_settings(elements="smooth"), lambda: replace(scene.bodies[0], elements="nodal")):
         with pytest.raises(InputError, match="must be smoothed or linear"):
             wrong()
-
-
-def test_linear_elements_are_cells():
-    """Without smoothed bodies nothing is united, so that linear scenes keep their kernels."""
-    space = LevelSpace(box(3, 1), MPI.COMM_SELF)
-    (term,) = elastic(space, NeoHookean(3.0, 0.3))
-    assert not term.domains.smoothed
-    assert len(Domains(space, space.mesh.bodies == 0)) == len(space.mesh.cells)
