@@ -7,8 +7,8 @@ from pdvol import meshes
 from pdvol.errors import InputError
 from pdvol.levels.animated import taken_velocity
 from pdvol.levels.obstacles import motion_of
-from pdvol.levels.scene_fields import initial_velocity, supported_points
-from pdvol.scene import Body, Placement, PointCache, Scene, Support, TakeOver, rotation_matrix
+from pdvol.levels.scene_fields import initial_velocity
+from pdvol.scene import Body, PointCache, Scene, Support, TakeOver, rotation_matrix
 from problems import SOFT, block, make_model, make_scene
 
 AXIS = np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8])
@@ -57,20 +57,6 @@ def test_vertices_on_the_mesh_follow_what_stretches_it():
     np.testing.assert_allclose(motion(vertices, 0.5), 0.75 * vertices + 0.25 * vertices @ A.T, atol=1e-12)
 
 
-def test_points_without_faces_carry_what_is_near_them():
-    points = circle(400)
-    motion = motion_of(PointCache([points, points + 1.0], fps=1.0, tolerance=0.02), 1.01 * points[::7], "these")
-    np.testing.assert_allclose(motion(points[::7], 1.0), 1.01 * points[::7] + 1.0, atol=1e-12)
-
-
-def test_parts_that_touch_in_the_first_frame_go_their_own_ways():
-    """The same mesh is followed point by point: the nearest point would do for both."""
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
-    later = points + [[-1.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [1.0, 0.0]]
-    motion = motion_of(PointCache([points, later], fps=1.0, faces=[[0, 1], [2, 3]]), points, "these")
-    np.testing.assert_array_equal(motion(points, 1.0), later)
-
-
 @pytest.mark.parametrize("d", [2, 3])
 def test_what_a_cache_encloses_follows_it(d):
     """At any depth, as what a hand's skin moves; not what is outside, nor what units make a hundred times smaller."""
@@ -113,13 +99,6 @@ def test_a_support_holds_the_surface_and_follows_its_cache():
     np.testing.assert_array_equal(support.mask, on_surface & (mesh.points[:, 0] < 0.11))
     assert support.moves
     np.testing.assert_allclose(support.at(0.05), mesh.points[support.mask] + [0.0, 0.015, 0.0], atol=1e-12)
-
-
-def test_a_support_beyond_its_cache_is_refused_by_name():
-    mesh = block((0.0, 0.0), (0.4, 0.2), (4, 2))
-    scene = driven(mesh, lambda X: X[:, 0] > 0.3, (0.0, 0.03))
-    with pytest.raises(InputError, match="a support of all bodies, level 0: 5 of 5 vertices are further than 0.04 m"):
-        supported_points(scene, scene.supports[0], mesh, 0, mesh.points)
 
 
 # ---- taking over
@@ -178,10 +157,3 @@ def test_a_body_must_be_where_its_animation_ends():
         Scene((Body(meshes.ball(), SOFT, (50,), velocity=TakeOver(cache)),), dt=0.1, steps=1).with_settings(
             jitter=(0.1, 1)
         )
-
-
-def test_placements_move_the_animation_to_the_body():
-    points, faces, _ = round_shapes(3)
-    place = Placement((5.0, 0.0, 0.0), angle=1.0, axis=tuple(AXIS), scale=0.1)
-    motion = motion_of(PointCache([points, 2.0 * points], fps=1.0, faces=faces, placement=place), place(points), "it")
-    np.testing.assert_allclose(motion(points, 1.0), place(2.0 * points), atol=1e-12)

@@ -10,12 +10,12 @@ from on_ranks import results_on
 from pdvol.errors import MeshError
 from pdvol.geometry.boundary_search import BoundarySearch
 from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
-from pdvol.levels.geodesic import bind_outside, vertex_adjacency
+from pdvol.levels.geodesic import bind_outside
 from pdvol.levels.locate import containing_cells
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
-from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
+from shapes import box, comb, comb_branch, fold, fold_branch, level, together
 
 COMM = MPI.COMM_WORLD
 
@@ -138,11 +138,6 @@ def test_inside_neighbours_without_hits_give_the_nearest_layer(monkeypatch):
     assert set(kind) == {INSIDE, NEIGHBOUR}
     home = coarse_branch[cells]
     assert not ((fine_branch >= 0) & (home >= 0) & (fine_branch != home)).any()
-
-
-def test_vertex_adjacency_of_one_square():
-    adjacency = vertex_adjacency(grid([0.0, 1.0], [0.0, 1.0])).toarray()
-    assert adjacency.sum() == 10 and (adjacency == adjacency.T).all() and (np.diag(adjacency) == 0).all()
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])

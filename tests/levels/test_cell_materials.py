@@ -2,8 +2,6 @@
 uniform.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -12,7 +10,6 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import cell_materials, level_materials
-from pdvol.potentials.loads import assemble_mass
 from pdvol.scene import Body, FixedCorotational, NeoHookean, Region, Scene, StVenantKirchhoff
 from shapes import box, together
 
@@ -102,14 +99,6 @@ def test_labels_functions_and_overlaps():
     assert of.softest == 5.0
 
 
-def test_densities_reach_the_masses():
-    mesh = box(3, 2)
-    hierarchy = levels(3, mesh)
-    of = level_materials(scene(body(regions=(Region(STIFF, right),))), hierarchy, 0)
-    mass = assemble_mass(hierarchy[0], of.density)
-    np.testing.assert_allclose(mass.sum(axis=0), 0.5 * 500.0 + 0.5 * 2000.0, rtol=1e-12)
-
-
 def test_mistakes():
     mesh = box(2, 2)
     for region, message in (
@@ -128,12 +117,3 @@ def test_mistakes():
     ):
         with pytest.raises(InputError):
             make()
-
-
-def test_uniform_bodies_bind_nothing(monkeypatch):
-    hierarchy = levels(2, box(2, 2), box(2, 3))
-    monkeypatch.setattr(Hierarchy, "origins", lambda *_: pytest.fail("bound"))
-    shot = scene(body())
-    assert np.all(level_materials(shot, hierarchy, 1).young == 2e4)
-    with pytest.raises(pytest.fail.Exception):
-        level_materials(scene(replace(body(), regions=(Region(STIFF, right),))), hierarchy, 1)

@@ -5,21 +5,17 @@ import pytest
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.partition import carried, shared_cells
-from shapes import grid
+from shapes import box, level, together
 
 
 def stack(dim: int, axis: int) -> LevelMesh:
     """Two unit cubes (squares), one beyond the other along an axis."""
-    first = grid(*[np.linspace(0.0, 1.0, 5)] * dim, jitter=0.2)
-    points, cells = np.asarray(first.points), np.asarray(first.cells)
-    shift = np.eye(dim)[axis] * 1.01
-    bodies = np.repeat([0, 1], len(cells)).astype(np.int32)
-    return LevelMesh(
-        np.concatenate([points, points + shift]),
-        np.concatenate([cells, cells + len(points)]),
-        bodies,
-        np.zeros_like(bodies),
-    )
+    first = box(dim, 4, jitter=0.2)
+    return together(first, placed(first, 1.01 * np.eye(dim)[axis]))
+
+
+def placed(mesh: LevelMesh, shift) -> LevelMesh:
+    return level(mesh.points + shift, mesh.cells)
 
 
 @pytest.mark.parametrize("dim, axis", [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
@@ -48,9 +44,7 @@ def test_every_rank_gets_its_share(ranks):
 
 
 def test_more_ranks_than_cells_leave_some_without():
-    owner = shared_cells(
-        LevelMesh(np.eye(3, 2), np.array([[0, 1, 2]]), np.zeros(1, np.int32), np.zeros(1, np.int32)), 4
-    )
+    owner = shared_cells(level(np.eye(3, 2), [[0, 1, 2]]), 4)
     assert len(owner) == 1
     assert 0 <= owner[0] < 4
 
@@ -58,16 +52,9 @@ def test_more_ranks_than_cells_leave_some_without():
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_many_bodies_are_not_cut(ranks):
     """Each rank gets bodies that are side by side along the longest way, and its share of cells."""
-    first = grid(*[np.linspace(0.0, 1.0, 3)] * 3, jitter=0.2)
-    points, cells = np.asarray(first.points), np.asarray(first.cells)
     places = np.stack(np.meshgrid(range(6), range(2), range(2), indexing="ij"), axis=-1).reshape(-1, 3) * 1.05
     count = len(places)
-    mesh = LevelMesh(
-        np.concatenate([points + place for place in places]),
-        np.concatenate([cells + k * len(points) for k in range(count)]),
-        np.repeat(np.arange(count), len(cells)).astype(np.int32),
-        np.zeros(count * len(cells), np.int32),
-    )
+    mesh = together(*(placed(box(3, 2, jitter=0.2), place) for place in places))
     owner = shared_cells(mesh, ranks).reshape(count, -1)
     assert (owner == owner[:, :1]).all()
     assert list(np.bincount(owner[:, 0])) == [count // ranks] * ranks
@@ -75,17 +62,9 @@ def test_many_bodies_are_not_cut(ranks):
 
 
 def test_bodies_of_unequal_size_are_cut_where_no_sum_is_near_a_half():
-    small, large = (grid(*[np.linspace(0.0, 1.0, n)] * 3) for n in (2, 6))
-    shapes = [large, *[small] * 8]
-    firsts = np.cumsum([0, *(len(shape.points) for shape in shapes)])
-    counts = [len(shape.cells) for shape in shapes]
-    mesh = LevelMesh(
-        np.concatenate([np.asarray(shape.points) + [1.1 * k, 0.0, 0.0] for k, shape in enumerate(shapes)]),
-        np.concatenate([np.asarray(shape.cells) + first for shape, first in zip(shapes, firsts[:-1], strict=True)]),
-        np.repeat(np.arange(len(shapes)), counts).astype(np.int32),
-        np.zeros(sum(counts), np.int32),
-    )
-    shares = np.bincount(shared_cells(mesh, 2)) / sum(counts)
+    shapes = [box(3, 5), *[box(3, 1)] * 8]
+    mesh = together(*(placed(shape, [1.1 * k, 0.0, 0.0]) for k, shape in enumerate(shapes)))
+    shares = np.bincount(shared_cells(mesh, 2)) / len(mesh.cells)
     assert abs(shares - 0.5).max() < 0.05
 
 
@@ -106,15 +85,7 @@ def test_bodies_are_cut_where_they_will_touch():
 @pytest.mark.parametrize("dim", [2, 3])
 def test_finer_vertices_are_carried_by_the_cells_near_them(dim):
     """Each body by its own affine motion, exactly; the coarser body does not have to contain the finer one."""
-    coarse, fine = (
-        LevelMesh(
-            np.concatenate([shape.points, np.asarray(shape.points) + 1.001]),
-            np.concatenate([shape.cells, np.asarray(shape.cells) + len(shape.points)]),
-            np.repeat([0, 1], len(shape.cells)).astype(np.int32),
-            np.zeros(2 * len(shape.cells), np.int32),
-        )
-        for shape in (grid(*[np.linspace(0.0, 1.0, 3)] * dim), grid(*[np.linspace(-0.02, 1.02, 6)] * dim))
-    )
+    coarse, fine = (together(shape, placed(shape, 1.001)) for shape in (box(dim, 2), box(dim, 5, low=-0.02, high=1.02)))
     rng = np.random.default_rng(0)
     maps, shifts = rng.standard_normal((2, dim, dim)), rng.standard_normal((2, dim))
     moved = lambda mesh: (maps[mesh.point_bodies] @ mesh.points[..., None])[..., 0] + shifts[mesh.point_bodies]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import pdvol
-from pdvol import Barrier, Body, InputError, IntersectionError, NeoHookean, Outline, Plane, Scene, Separate
+from pdvol import Barrier, Body, InputError, IntersectionError, NeoHookean, Plane, Scene, Separate
 from pdvol.levels.initial_state import smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.separation import build_apart
-from pdvol.levels.start import start_notes, start_positions, started
+from pdvol.levels.start import start_positions, started
 from pdvol.meshing.build import build_levels
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene.fingerprint import describe
@@ -133,25 +133,6 @@ def test_an_array_is_no_start():
         cube(np.zeros((9, 2)))
 
 
-def test_points_cannot_be_written_to():
-    def careless(X):
-        X *= 2.0
-        return X
-
-    shot = scene(cube(careless))
-    (mesh, _) = build_levels(shot)
-    before = mesh.points.copy()
-    np.testing.assert_array_equal(start_positions(shot, mesh, 0), 2.0 * before)
-    np.testing.assert_array_equal(mesh.points, before)
-
-
-def test_without_a_start_nothing_is_copied():
-    shot = scene(cube())
-    (mesh, _) = build_levels(shot)
-    assert start_positions(shot, mesh, 0) is mesh.points and started(shot, mesh, 0) is mesh
-    assert start_notes(shot, mesh, 0) == []
-
-
 def test_notes_say_how_bodies_are_stretched():
     shot = scene(cube(lambda X: X * (1.5, 0.8)))
     note = "level 0: body 'cube' starts away from rest, its cells stretched by 0.8 to 1.5"
@@ -177,13 +158,3 @@ def test_separate_moves_only_bodies_without_a_start():
     both = replace(shot, bodies=(cube(stay), shot.bodies[1]))
     with pytest.raises(IntersectionError, match="after move"):
         build_apart(both, 2, ())
-
-
-def test_an_outline_is_meshed_at_rest_and_bent_on_all_levels(tmp_path):
-    """Areas at rest are those of the outline, whatever the start does to them."""
-    strip = Outline(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.1], [0.0, 0.1]]))
-    body = Body(strip, SOFT, (30, 80), start=lambda X: X * 2.0)
-    run = pdvol.run(Scene((body,), 0.01, 1), tmp_path / "run")
-    for level in run.levels:
-        assert level.mesh.volumes.sum() == pytest.approx(0.1)
-        np.testing.assert_allclose(np.ptp(level.positions(0), axis=0), (2.0, 0.2))
