@@ -1,36 +1,7 @@
-"""What benchmarks.binding measures, on meshes whose answer is known, and its tables on one small pair."""
-
-from dataclasses import replace
-
-import numpy as np
-import pytest
+"""The study of bindings writes its tables on one small pair."""
 
 from benchmarks.binding import __main__ as binding
 from benchmarks.binding.__main__ import Pair
-from shapes import box
-
-
-def test_snapping_moves_each_vertex_to_the_nearest_fine_one():
-    coarse, fine = box(2, 2), box(2, 4)
-    assert (binding.snap(coarse, fine) == coarse.points).all(), "every coarse vertex is a fine one"
-    middle = np.flatnonzero((coarse.points == 0.5).all(axis=1))
-    shifted = fine.points + [0.1, 0.0]
-    moved = replace(fine, points=shifted)
-    assert np.allclose(binding.snap(coarse, moved) - coarse.points, [0.1, 0.0])
-    at_boundary = binding.snap(coarse, moved, boundary_only=True)
-    assert (at_boundary[middle] == coarse.points[middle]).all(), "inner vertices stay"
-    assert np.abs(at_boundary - coarse.points).max() == pytest.approx(0.1)
-
-
-def test_the_reach_of_barycentric_weights_is_an_edge():
-    coarse, fine = box(2, 2), box(2, 4)
-    weights = np.zeros((len(fine.points), len(coarse.points)))
-    same = np.linalg.norm(fine.points[:, None] - coarse.points[None], axis=2) == 0.0
-    weights[same] = 1.0
-    assert binding.reach(weights, coarse, fine) == 0.0
-    corner = np.flatnonzero((coarse.points == 0.0).all(axis=1))[0]
-    weights[fine.points.sum(axis=1).argmax(), corner] = 1.0  # from the opposite corner
-    assert binding.reach(weights, coarse, fine) == pytest.approx(np.sqrt(2.0) / binding.mean_edge(coarse))
 
 
 def test_it_writes_tables_and_pictures(tmp_path, monkeypatch, capsys):

@@ -4,8 +4,6 @@ import hashlib
 import struct
 import zlib
 
-import pytest
-
 from benchmarks.common import commits
 
 
@@ -46,31 +44,6 @@ def test_a_commit_is_written(tmp_path):
     assert [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")] == ["pdvol/deep/a.py"]
 
 
-def test_a_worktree_reads_the_repository_it_belongs_to(tmp_path):
-    folder, commit = repository(tmp_path)
-    own = folder / ".git" / "worktrees" / "other"
-    own.mkdir(parents=True)
-    (own / "HEAD").write_text(commit + "\n")
-    (own / "commondir").write_text("../..\n")
-    other = tmp_path / "other"
-    other.mkdir()
-    (other / ".git").write_text(f"gitdir: {own}\n")
-    found = commits.Repository(other)
-    assert found.head() == commit and len(dict(found.files(commit))) == 2
-
-
-@pytest.mark.parametrize("start", ["abc", "ffffffff", ""])
-def test_what_is_not_there(start, tmp_path):
-    folder, commit = repository(tmp_path)
-    found = commits.Repository(folder)
-    with pytest.raises(commits.MissingObject):
-        found.full(start)
-    with pytest.raises(commits.MissingObject):
-        list(found.files(found.read(commit)[1].split()[1].decode()))  # a tree
-    with pytest.raises(commits.MissingObject):
-        commits.Repository(tmp_path / "nowhere")
-
-
 def test_packs_and_deltas(tmp_path):
     """A blob, a delta to it by its offset, and one by its name: copy eleven bytes from 2 on, then add three."""
     folder, _ = repository(tmp_path)
@@ -99,11 +72,3 @@ def test_packs_and_deltas(tmp_path):
     assert found.read(ids[0].hex()) == ("blob", base)
     assert found.read("01" * 20) == found.read("fe" * 20) == ("blob", made)
     assert found.full("0101") == "01" * 20
-
-
-def test_every_way_to_copy():
-    base = bytes(range(256)) * 1024
-    copy = bytes([0x80 | 0x07 | 0x30, 0x01, 0x02, 0x03, 0x04, 0x01])  # 0x104 bytes from 0x030201 on
-    whole = bytes([0x80])  # 65,536 bytes from the start
-    sizes = bytes([0x80, 0x80, 0x10, 0x84, 0x82, 0x04])
-    assert commits.applied(base, sizes + copy + whole) == base[0x030201 : 0x030201 + 0x104] + base[:0x10000]
