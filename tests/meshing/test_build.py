@@ -85,25 +85,12 @@ def test_the_cache_is_used_mended_and_not_needed(tmp_path, monkeypatch):
     )
 
 
-def test_the_default_cache_folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    build_levels(scene(disc_body()), count=1)
-    assert len(list((tmp_path / "pdvol" / "meshes").glob("*.npz"))) == 1
-
-
 def test_regions_are_carried_over(tmp_path):
     body = Body(shape=strip(), material=SOFT, vertices=(60, 240))
     for mesh in build_levels(scene(body), cache=tmp_path):
         x = mesh.points[mesh.cells].mean(axis=1)[:, 0]
         assert np.array_equal(mesh.regions, np.where(x < 0.5, 1, 2))
         assert mesh.volumes.sum() == pytest.approx(0.3, rel=1e-6)
-
-
-def test_a_2d_mesh_with_a_hole(tmp_path):
-    ring = build.triangulate([meshes.disc(1.0, 60).points, meshes.disc(0.5, 30).points[::-1]], 200)
-    solid = Solid(ring.points, ring.cells, np.zeros(len(ring.cells), dtype=np.int32))
-    (mesh,) = build_levels(scene(Body(shape=solid, material=SOFT, vertices=(100,))), cache=tmp_path)
-    assert mesh.volumes.sum() == pytest.approx(0.75 * np.pi, rel=0.05)
 
 
 def test_a_list_of_meshes_is_taken_as_it_is(tmp_path):
@@ -210,39 +197,6 @@ def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
         tetrahedra.tetrahedralise(surface, 300, "x")
     assert 8 * 180 < caught.value.closest < 8 * 230
     assert len(tetrahedra.tetrahedralise(surface, caught.value.closest + 80, "x").points) == 8 * 4
-
-
-def test_small_parts_get_what_a_mesher_can_make(monkeypatch):
-    """Beside a ball a hundred times as large, each of seven gets few vertices but enough."""
-    balls, n, asked = [meshes.ball(r, 2) for r in (1.0, *[0.2] * 7)], 162, []
-    points = np.vstack([ball.vertices + [3.0 * k, 0.0, 0.0] for k, ball in enumerate(balls)])
-    surface = Surface(points, np.vstack([ball.triangles + k * n for k, ball in enumerate(balls)]).astype(np.int32))
-
-    def one(unit, target, name, volume):
-        asked.append(target)
-        return SizedMesh(np.zeros((target, 3)), TETRAHEDRON[1], 1.0)
-
-    monkeypatch.setattr(tetrahedra, "_unit_mesh", one)
-    assert 300 <= len(tetrahedra.tetrahedralise(surface, 300, "x").points) < 600
-    assert min(asked) == tetrahedra.LEAST_OF_A_PART and max(asked) > 150
-    with pytest.raises(UnreachableCount, match="its 8 parts need") as caught:
-        tetrahedra.tetrahedralise(surface, 40, "x")
-    assert len(tetrahedra.tetrahedralise(surface, caught.value.closest, "x").points) < 2 * caught.value.closest
-
-
-@pytest.mark.slow
-def test_the_advice_for_a_thin_ring_works(tmp_path):
-    """By the mesher itself."""
-    ring = meshes.torus(1.0, 0.015, 200, 12)
-
-    def levels(count):
-        body = Body(ring, NeoHookean(1e5), (count, 5000), name="ring")
-        return build_levels(Scene((body,), dt=0.01, steps=0), 1, tmp_path)
-
-    with pytest.raises(MeshError, match=r"ask for about \d+ instead") as caught:
-        levels(60)
-    (coarse,) = levels(int(re.findall(r"about (\d+)", str(caught.value))[-1]))
-    assert len(coarse.points) > 60
 
 
 def test_obstacles():

@@ -1,19 +1,14 @@
 """Meshers in processes of their own: limits of processor time, crashes, and the same result under load."""
 
-import multiprocessing
-import os
-
 import numpy as np
 import pytest
 
 from pdvol import meshes
 from pdvol.errors import MeshError
 from pdvol.meshing import mesher_process, tetrahedralise
-from pdvol.meshing.build import build_levels
 from pdvol.meshing.cpu_budget import ProcessStopped
 from pdvol.meshing.edge_length import MAX_ATTEMPTS, mesh_of_target_size
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.scene import Body, NeoHookean, Scene
 
 
 def script(folder, text, monkeypatch):
@@ -76,29 +71,3 @@ def test_a_search_ends_never_repeats_a_scale_and_takes_the_closest(fine, coarse)
         closest = 1800 if fine == 1800 else 600
         assert len(mesh_of_target_size(make, 1000, "steps", 1.0, 3).points) == closest
     assert len(scales) == MAX_ATTEMPTS == len(set(scales))
-
-
-def _burn(stop) -> None:
-    while not stop.is_set():
-        sum(range(10_000))
-
-
-@pytest.mark.slow
-def test_the_same_levels_alone_and_under_load(tmp_path):
-    body = Body(shape=meshes.ball(0.5, 3), material=NeoHookean(1e5), vertices=(60, 200))
-    scene = Scene(bodies=(body,), dt=0.01, steps=1)
-    alone = build_levels(scene, cache=tmp_path / "alone")
-    context = multiprocessing.get_context("spawn")
-    stop = context.Event()
-    busy = [context.Process(target=_burn, args=(stop,), daemon=True) for _ in range(2 * (os.cpu_count() or 1))]
-    for process in busy:
-        process.start()
-    try:
-        loaded = build_levels(scene, cache=tmp_path / "loaded")
-    finally:
-        stop.set()
-        for process in busy:
-            process.join()
-    for first, second in zip(alone, loaded, strict=True):
-        assert first.points.tobytes() == second.points.tobytes()
-        assert first.cells.tobytes() == second.cells.tobytes()

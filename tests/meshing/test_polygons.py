@@ -51,12 +51,6 @@ def test_convex_polygons_are_fans_as_ever():
     ]
 
 
-def test_a_line_and_missing_corners_are_left_to_the_checks():
-    points = placed([(0, 0), (1, 0), (2, 0), (3, 0)])
-    assert cut_polygons(points, np.arange(4)[None]).shape == (1, 2, 3)
-    assert cut_polygons(points, np.array([[0, 1, 2, 99]])).shape == (1, 2, 3)
-
-
 def test_the_largest_polygon_takes_a_second_at_most_and_larger_ones_are_refused():
     angles = np.linspace(0, 2 * np.pi, MOST_CORNERS, endpoint=False)
     radii = np.where(np.arange(MOST_CORNERS) % 2, 1.0, 0.8)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pdvol.errors import InputError, MeshError
-from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import SURFACES, VOLUMES, _with_vtk, read_shape
 from pdvol.meshing.validate import check_solid, check_surface
 
@@ -84,13 +84,6 @@ def test_a_byte_order_mark_is_skipped(tmp_path, suffix):
             read_shape(path)
 
 
-def test_arrays_pass_through():
-    outline = Outline(np.zeros((3, 2)))
-    assert read_shape(outline) is outline
-    with pytest.raises(InputError, match="must be a path"):
-        read_shape(42)
-
-
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared meshes are not here")
 @pytest.mark.parametrize(
     ("file", "vertices", "cells"),
@@ -108,14 +101,6 @@ def test_shared_meshes(file, vertices, cells):
     assert len(shape.vertices) == vertices
     assert len(shape.triangles if isinstance(shape, Surface) else shape.cells) == cells
     (check_surface if isinstance(shape, Surface) else check_solid)(shape, file)
-
-
-def test_an_unknown_msh_section_does_not_matter(tmp_path):
-    path = write(tmp_path / "a.msh", POINTS, ("tetra", TETS), [1, 1])
-    path.write_bytes(
-        path.read_bytes() + b"$Notes\nwhat its author alone knows\n$EndNotes\n$Surface\n1 2\n$EndSurface\n"
-    )
-    assert len(read_shape(path).cells) == 2
 
 
 # ---- bad input

@@ -13,7 +13,7 @@ from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Surface
 from pdvol.meshing import tetrahedralise as tetrahedra
 from pdvol.meshing.decimate import topology
-from pdvol.meshing.edge_length import ACCEPTED_DEVIATION, edge_length, expected_vertices
+from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
 from pdvol.meshing.validate import check_surface, drop_unused
@@ -66,23 +66,6 @@ def test_two_parts_stay_two():
     mesh = tetrahedralise(both, 150)
     sides = mesh.points[mesh.cells][:, :, 0] < 0.525
     assert (sides.all(axis=1) | ~sides.any(axis=1)).all(), "no cell bridges the gap"
-
-
-def test_mean_ratio_of_known_simplices():
-    equilateral = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    assert mean_ratio(equilateral, np.array([[1, 0, 2, 3]])) == pytest.approx(1.0)
-    triangle = np.array([[0.0, 0], [1, 0], [0.5, np.sqrt(0.75)]])
-    assert mean_ratio(triangle, np.array([[0, 1, 2]])) == pytest.approx(1.0)
-    assert mean_ratio(triangle, np.array([[1, 0, 2]])) == 0.0
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_the_predicted_edge_length_inverts_the_prediction(dim):
-    for content, boundary in ((1.0, 4.0 if dim == 2 else 6.0), (1e-9, 1e-3)):
-        for target in (20, 5000):
-            assert expected_vertices(edge_length(target, content, boundary, dim), content, boundary, dim)[
-                1
-            ] == pytest.approx(target)
 
 
 def test_an_inside_out_surface_is_refused():

@@ -26,11 +26,6 @@ def test_a_mesh_of_the_wanted_size(name, target):
     assert simplex_volumes(mesh.points, mesh.cells).sum() == pytest.approx(area, rel=2.0 / target + 0.005)
 
 
-def test_coarse_levels_have_coarse_boundaries():
-    counts = [len(boundary_facets(triangulate([SHAPES["disc"].points], n).cells)[0]) for n in (60, 310)]
-    assert counts[0] < 30 < counts[1] < 80  # 60 vertices: 2 pi / 0.25 segments; 310: 2 pi / 0.11
-
-
 def test_corners_stay_and_points_lie_on_the_outline():
     square = meshes.rectangle(1.0, 1.0).points
     coarse = resample(square, 0.3)
