@@ -115,7 +115,7 @@ def pressed(d, pusher, angle, drift):
     return report.behind, (place - np.asarray(drift) * report.time) @ R
 
 
-@pytest.mark.parametrize("d, pusher", [(2, "support"), (3, "support"), (2, "ram")])
+@pytest.mark.parametrize("d, pusher", [(3, "support"), (2, "ram")])
 def test_what_contact_holds_back_waits_on_the_floor_of_a_lift(d, pusher):
     """A lift that goes up and sideways in a world that is turned: the pusher is at the same place over the floor. How
     far it gets depends on the parts of its motion.

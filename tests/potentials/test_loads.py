@@ -77,7 +77,8 @@ def test_a_current_slows_and_carries(d):
     """
     rho, c, u, dt, start = 800.0, 0.5, 2.0, 0.05, 0.0
     mesh = box(d, 2)
-    found, m = speeds(shot(Flow((u,) + (0.0,) * (d - 1), rho, c), dt=dt), mesh, 12)
+    even = (u,) + (0.0,) * (d - 1)
+    found, m = speeds(shot(Flow(even if d == 2 else lambda x, t: np.tile(even, (len(x), 1)), rho, c), dt=dt), mesh, 12)
     k, v = rho * c / 2 * 2 * d * dt / 1000.0, start
     for at in found:
         # k (u - v+)^2 = v+ - v: with w = u - v+ the positive root of k w^2 + w - (u - v) = 0.
