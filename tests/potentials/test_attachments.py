@@ -72,6 +72,23 @@ def test_totals_do_not_depend_on_the_mesh(d, n):
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
+def test_a_spring_without_length_has_finite_derivatives(d):
+    """Pin to pin at one place: nothing pulls, and the stiffness is k in all directions where the rest length is 0."""
+    mesh = cubes(d, 2)
+    place = np.array((1.0, *(0.5,) * (d - 1)))
+    found = term(mesh, where=place, to=place + GAP * np.eye(d)[0], rest_length=0.0)
+    assert found.springs.points.shape == (1, 2 * d + 2)
+    x = mesh.points - np.outer(mesh.point_bodies == 1, GAP * np.eye(d)[0])
+    owned = found.space.from_input(x)
+    assert found.value(Positions(found.space, owned)) == pytest.approx(0.0, abs=1e-20)
+    rows = hessian_of(found, found.space, owned).toarray()
+    # Both cubes moved apart along any axis: k times the distance squared.
+    for axis in np.eye(d):
+        apart = found.space.from_input(np.outer(mesh.point_bodies == 1, axis)).ravel()
+        assert apart @ rows @ apart == pytest.approx(STIFFNESS, rel=1e-12)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
 def test_levels_share_springs_and_material(d):
     """Springs of the coarsest level lead from the same rest positions on a finer one, whatever its cells."""
     coarse, fine = cubes(d, 1), cubes(d, 4)
