@@ -81,8 +81,8 @@ hierarchy cube.off                                    | --help
 check s.py --measure nan                              | --help
 render whole --turn nan                               | --help
 
-run s.py --out file                                   | file
-run s.py --out file/below                             | file
+run s.py --out file                                   | file is a file, not a folder
+run s.py --out file/below                             | file is a file, not a folder
 run s.py --out /proc/nowhere                          | /proc
 run s.py --out full                                   | full is not empty
 hierarchy cube.off --levels 20,few -o out             | not a whole number

@@ -12,7 +12,7 @@ from pdvol.store.reader import open_run
 from pdvol.store.series import StepFields, nothing_more
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
-from pdvol.studio.export.frames import even_frames, points_and_velocities, stored_frames
+from pdvol.studio.export.frames import even_frames
 from pdvol.studio.export.parts import plain_names
 from pdvol.studio.shown import OBSTACLE, PALETTE, linear_colour
 
@@ -144,21 +144,6 @@ def test_names_of_prims_are_legal_and_different(solid_run, tmp_path):
     assert children == {"ground_1": "ground", "ball": "ball", "ball_1": "ball"}
     bodies = {prim.GetName(): prim.GetDisplayName() for prim in stage.GetPrimAtPath("/run/bodies").GetChildren()}
     assert bodies == {"ground": "ground", "___ball": "../ball"}
-
-
-def test_each_state_is_asked_for_once_and_one_frame_alone_has_no_velocities():
-    asked = []
-
-    def at(step: int) -> np.ndarray:
-        asked.append(step)
-        return np.full((2, 3), float(step**2))
-
-    track = list(points_and_velocities(stored_frames(4, 0.5), at, 24.0))
-    assert asked == [0, 1, 2, 3]
-    assert [points[0, 0] for points, _ in track] == [0, 1, 4, 9]
-    assert [velocities[0, 0] for _, velocities in track] == pytest.approx([2, 6, 10, 10])
-    ((points, velocities),) = points_and_velocities(stored_frames(1, 0.5), at, 24.0)
-    assert points.shape == (2, 3) and velocities is None
 
 
 def test_a_run_of_one_state_is_a_still(tmp_path):
