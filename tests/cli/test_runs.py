@@ -111,11 +111,11 @@ def test_info_draws_bindings(whole, tmp_path, capsys):
 
 
 def test_check(scene, tmp_path, capsys):
-    assert pdvol("check", scene) == 0
+    assert pdvol("check", scene, "--measure", 0) == 0
     out = capsys.readouterr().out
     assert "level 0: 9 vertices, 8 cells" in out and "level 1: 25 vertices, 32 cells" in out
     assert "sound" in out.splitlines()[-1]
-    assert pdvol("check", scene, "--set", "height=-0.5") == 2
+    assert pdvol("check", scene, "--measure", 0, "--set", "height=-0.5") == 2
     assert "not sound" in capsys.readouterr().out
     write(tmp_path / "cube.off", CUBE_OFF)
     assert pdvol("check", tmp_path / "cube.off") == 0

@@ -12,7 +12,7 @@ from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.live.session import MOST_RUNS, Session
 
-STEPS = 10
+STEPS = 6
 LONG = 100_000  # steps of a run that a test ends
 PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
 
@@ -52,7 +52,7 @@ def run_with(session, **values):
 def alone(folder, name, *words):
     """The same run by a command line."""
     out = folder / f"alone_{name}"
-    assert pdvol("run", folder / "fall.py", "--out", out, "--no-picture", "--no-xdmf", *words) == 0
+    assert pdvol("run", folder / "fall.py", "--out", out, "--steps", STEPS, "--no-picture", "--no-xdmf", *words) == 0
     return open_run(out)
 
 
