@@ -368,15 +368,10 @@ def test_cut_exports_are_written_again_by_going_on(tmp_path):
         np.testing.assert_allclose(moved, open_run(out).levels[level].positions(4), atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        "truncated",
-        "log",
-        pytest.param("deleted", marks=pytest.mark.slow),
-        pytest.param("noise", marks=pytest.mark.slow),
-    ],
-)
+SLOWLY = [pytest.param(damage, marks=pytest.mark.slow) for damage in ("deleted", "noise")]
+
+
+@pytest.mark.parametrize("damage", ["truncated", "log", *SLOWLY])
 def test_a_damaged_run_is_mended_by_going_on(tmp_path, capfd, damage):
     scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
     assert pdvol("run", scene, "--steps", 4, "--out", tmp_path / "whole") == 0

@@ -37,7 +37,7 @@ def until(session, condition):
     while not condition():
         session.tick()
         assert time.monotonic() < limit, vars(session.current)
-        time.sleep(0.005)
+        time.sleep(0.02)
 
 
 def run_with(session, **values):
