@@ -185,10 +185,7 @@ class Failing(own_parts.Parabola):
     "message, wrong",
     [
         ("pdvol.march takes a pdvol.Scene, not str", {"scene": "drop.py"}),
-        ("levels 0:2 do not exist; the scene has levels 0:1", {"levels": 2}),
         ("level 1 follows from level 0; begin with levels 0:1", {"levels": (1, 1)}),
-        ("unknown method 'fast'", {"method": "fast"}),
-        ("steps = 2.5 is not a whole number", {"steps": 2.5}),
         ("terms are functions or classes (model, space) -> Term, not 3", {"terms": (3,)}),
         ("gave a int, not a pdvol.Term", {"terms": (lambda model, space: 3,)}),
         ("the term 'bare': value must be a number, not str", {"terms": (Wordy,)}),

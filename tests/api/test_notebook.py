@@ -41,8 +41,10 @@ def executed(notebook, tmp_path, monkeypatch):
     return notebook
 
 
-def test_a_saved_notebook_keeps_the_last_state_of_progress(tmp_path, monkeypatch):
-    """A hundred updates of two bars, and stages that a thread of their own shows, leave one output of three lines."""
+def test_a_saved_notebook_keeps_the_last_state_of_progress(solid_run, tmp_path, monkeypatch):
+    """A hundred updates of two bars, and stages that a thread of their own shows, leave one output of three lines.
+    Another cell shows the player.
+    """
     source = """
 import time
 from pdvol.runs import stage_lines
@@ -62,8 +64,13 @@ with reported_to(stage_lines.StageLines(stream)):
             time.sleep(0.003)
         bar.close()
 """
-    notebook = executed(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)]), tmp_path, monkeypatch)
-    (output,) = notebook.cells[0].outputs
+    play = f"import pdvol\nrun = pdvol.open_run({str(solid_run)!r})\nrun.play(width=700, height=480)"
+    cells = [nbformat.v4.new_code_cell(text) for text in (source, play)]
+    notebook = executed(nbformat.v4.new_notebook(cells=cells), tmp_path, monkeypatch)
+    (output,), (player,) = (cell.outputs for cell in notebook.cells)
+    assert player["data"]["text/plain"].startswith("PlayerFrame(700 x 480")
+    shown = player["data"]["text/html"]
+    assert shown.startswith('<iframe srcdoc="') and 'width="700" height="480"' in shown
     lines = output["data"]["text/plain"].splitlines()
     assert len(lines) == 3 and lines[0].startswith("meshing: 0.") and all("100/100" in line for line in lines[1:])
 

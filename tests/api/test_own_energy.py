@@ -281,12 +281,3 @@ def test_the_whole_demo_keeps_its_claims(tmp_path):
     assert "contacts, no intersection, smallest gap" in ended.stdout
     end = np.load(tmp_path / "end.npy")
     assert end[:, 2].min() > 0.0 and end[:, 2].mean() < 0.2  # it has fallen, and not through the floor
-
-
-def test_the_page_of_the_docs_shows_the_demos_loop():
-    page = (ROOT / "docs" / "own_energy.md").read_text()
-    (loop,) = [block for block in page.split("```python\n")[1:] if block.startswith("for step in range(steps):")]
-    shown = [line.strip() for line in loop.split("```")[0].splitlines()]
-    own = [line.strip() for line in DEMO.read_text().splitlines()]
-    first = own.index(shown[0])
-    assert own[first : first + len(shown)] == shown

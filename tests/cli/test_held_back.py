@@ -12,9 +12,6 @@ from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
 from pdvol.solve.report import REMEDIES
-from pdvol.store import reader
-from pdvol.store.log import read_log
-from pdvol.store.states import States
 
 PRESS = (
     SQUARE
@@ -79,19 +76,6 @@ def test_forces_use_the_real_positions_of_obstacles(folder):
     assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0
 
 
-def test_fields_of_all_steps_read_each_file_once(folder, monkeypatch):
-    """Those of the level below, too, of whose states the forces at the end of one step look at six."""
-    run, read = open_run(folder / "whole"), []
-    read_array, read_state = reader.read_array, States.read
-    monkeypatch.setattr(reader, "read_array", lambda path, shape: read.append((path, 0)) or read_array(path, shape))
-    monkeypatch.setattr(States, "read", lambda self, step: read.append((self.file, step)) or read_state(self, step))
-    scene, obstacles = stored_scene(run)
-    fields = SceneFields(scene, run, 1, obstacles)
-    for step in range(run.levels[1].steps):
-        fields(step)
-    assert len(read) > 2 * run.levels[1].steps and len(read) == len(set(read))
-
-
 def test_info_reports_motions_that_were_held_back(folder, capfd):
     assert pdvol("info", folder / "whole") == 0
     told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
@@ -138,14 +122,3 @@ def test_the_log_counts_every_remedy(folder):
     for record in map(json.loads, (folder / "whole" / "log.jsonl").read_text().splitlines()):
         assert set(record["remedies"]) == set(REMEDIES)
         assert record["remedies"]["halvings"] == record["cuts"]
-
-
-def test_the_log_is_parsed_once_for_all_steps(folder, monkeypatch):
-    """And anew where it has grown."""
-    run, parsed = open_run(folder / "whole"), []
-    monkeypatch.setattr("pdvol.store.reader.read_log", lambda path: parsed.append(path) or read_log(path))
-    behind = [level.behind(step) for level in run.levels for step in range(level.steps)]
-    assert max(behind) > 0.0 and len(parsed) == 1
-    with open(folder / "whole" / "log.jsonl", "ab") as log:
-        log.write(b"{}\n")
-    assert len(run.levels[0].log) == 10 and len(parsed) == 2

@@ -1,12 +1,12 @@
 """A step that lasts says how far it is, wherever its level runs, and the display changes no state."""
 
+import io
 import re
-import subprocess
+from contextlib import redirect_stderr
 
 import pytest
 
-from cli_scenes import FALL, states, write
-from commands import SAFETY, WITHOUT_PICTURE
+from cli_scenes import FALL, pdvol, states, write
 from pdvol.integrate import long_step
 
 EACH_ITERATION = """
@@ -14,16 +14,19 @@ from pdvol.integrate import long_step
 long_step.SHOWN_AFTER = long_step.SHOWN_EVERY = 0.0
 """
 LINE = re.compile(r"level (\d)  step ([123])/3  newton (\d+)  contacts \d+  (gap \S+  )?\d+\.\d\d s so far")
-PLACES = {"one after the other": ["--ranks", 1], "side by side": ["--wavefront"], "on two ranks": ["--ranks", 2]}
+PLACES = {
+    "one after the other": ["--ranks", 1],
+    "side by side": ["--wavefront"],
+    "on two ranks": ["--ranks", 2, "--levels", 0],
+}
 
 
 def stderr_of(folder, scene, *words) -> str:
     """What a run of three steps of two levels prints; it is stored in folder / "r"."""
     write(folder / "fall.py", scene)
-    command = [*WITHOUT_PICTURE, "run", folder / "fall.py", "--steps", 3, "-o", folder / "r", *words]
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=SAFETY)
-    assert done.returncode == 0, done.stderr
-    return done.stderr
+    with redirect_stderr(io.StringIO()) as said:
+        assert pdvol("run", folder / "fall.py", "--steps", 3, "-o", folder / "r", *words) == 0
+    return said.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +39,15 @@ def short(tmp_path_factory):
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_a_long_step_says_how_far_it_is(place, short, tmp_path):
+def test_a_long_step_says_how_far_it_is(place, short, tmp_path, monkeypatch):
+    for name in ("SHOWN_AFTER", "SHOWN_EVERY"):  # which the scene file changes in this process, too
+        monkeypatch.setattr(long_step, name, getattr(long_step, name))
     said = stderr_of(tmp_path, FALL + EACH_ITERATION, *PLACES[place])
     found = [LINE.fullmatch(line) for line in said.splitlines() if line.endswith("so far")]
-    assert all(found) and {match.group(1, 2) for match in found} == {(level, step) for level in "01" for step in "123"}
+    levels = "0" if "--levels" in PLACES[place] else "01"
+    assert all(found) and {match.group(1, 2) for match in found} == {
+        (level, step) for level in levels for step in "123"
+    }
     assert all(int(match[3]) >= 1 for match in found)
     if place != "on two ranks":
         assert [states(tmp_path / "r", level) for level in (0, 1)] == short

@@ -47,25 +47,6 @@ def test_the_default_is_in_the_first_folder(shot):
     (shot / "player.html").unlink()
 
 
-@pytest.mark.parametrize(
-    "words, said",
-    [
-        (("nowhere",), "nowhere"),
-        (("RUN", "-o", "shot.mp4"), "ends in .html"),
-        (("RUN", "-o", "shot.html", "--levels", "0:4"), "has levels 0 to 1"),
-        (("RUN", "-o", "shot.html", "--levels", "x"), "--levels"),
-        (("RUN", "-o", "shot.html", "--every", "0"), "--every: 0 is too small"),
-        (("RUN", "-o", "shot.html", "--fields", "heat"), "choose of strain, contact_force"),
-    ],
-)
-def test_one_line_for_a_mistake(words, said, shot, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert pdvol("play", *(shot if word == "RUN" else word for word in words)) == 2
-    message = capsys.readouterr().err.strip()
-    assert said in message and "\n" not in message and "Traceback" not in message
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_scene_that_is_gone_leaves_out_contact_forces(shot, tmp_path, capsys):
     scene = shot.parent / "fall.py"
     text = scene.read_text()

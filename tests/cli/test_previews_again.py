@@ -38,16 +38,6 @@ def test_a_preview_replaces_the_one_before_it(scene, tmp_path):
     assert len(open_run(out).levels[0].log) == STEPS and (out / "notes.txt").read_text() == "mine"
 
 
-def test_what_is_refined_is_not_replaced(scene, tmp_path, capfd):
-    out = tmp_path / "p"
-    assert pdvol("preview", scene, *SHORT, "-o", out) == 0 == pdvol("refine", out, "--to", 1, "--no-picture")
-    kept = [states(out, level) for level in range(2)]
-    capfd.readouterr()
-    assert pdvol("preview", scene, *SHORT, "-o", out) == 2
-    assert "holds a run of 2 levels; choose another folder" in capfd.readouterr().err
-    assert [states(out, level) for level in range(2)] == kept
-
-
 def test_watching_previews_at_each_save(scene, tmp_path):
     """A broken scene is a line, and the next save is previewed again; a module beside the scene counts, too."""
     out = tmp_path / "p"
@@ -75,11 +65,6 @@ def test_watching_previews_at_each_save(scene, tmp_path):
         process.stderr.close()
 
 
-def test_watching_does_not_resume(scene, capfd):
-    assert pdvol("preview", scene, "--watch", "--resume") == 2
-    assert "leave out --resume" in capfd.readouterr().err
-
-
 def until(process, word):
     """The lines on standard error up to one that has a word."""
     lines, end = [], time.monotonic() + 120.0
@@ -87,11 +72,6 @@ def until(process, word):
         lines.append(process.stderr.readline())
         assert lines[-1] and time.monotonic() < end, lines
     return lines
-
-
-def test_unknown_words_name_the_help_of_the_command(scene, capfd):
-    assert pdvol("run", scene, "--fast") == 2
-    assert capfd.readouterr().err == "pdvol: unrecognized arguments: --fast; see pdvol run --help\n"
 
 
 def test_the_version(capsys):

@@ -1,58 +1,55 @@
 """Names that a user chooses from: every one leads to what implements it, and another package can add its own."""
 
-import os
-import subprocess
+import importlib
 import sys
 
+import numpy as np
 import pytest
+from mpi4py import MPI
 
-from pdvol import registry
+from cli_scenes import pdvol
+from pdvol import Body, NeoHookean, Scene, meshes, registry
 from pdvol.errors import InputError
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.meshing.build import build_levels
+from pdvol.registry import INTERPOLANTS
 
 REGISTRIES = [value for value in vars(registry).values() if isinstance(value, registry.Registry)]
 
 
 @pytest.mark.parametrize("names", REGISTRIES, ids=lambda names: names.noun)
-def test_every_name_leads_somewhere(names):
+def test_every_name_leads_somewhere_and_an_unknown_one_is_refused_with_the_legal_ones(names):
     assert len(names) == len(list(names)) > 0
     for name in names:
         assert name in names and names[name] is not None
         assert isinstance(names.help(name), str)
-
-
-@pytest.mark.parametrize("names", REGISTRIES, ids=lambda names: names.noun)
-def test_an_unknown_name_is_refused_with_the_legal_ones(names):
     assert "magic" not in names
     for ask in (names.check, names.help, names.__getitem__):
         with pytest.raises(InputError, match=f"unknown {names.noun} 'magic'; choose one of {', '.join(names)}"):
             ask("magic")
 
 
-def install(folder, name, source, entry_points):
-    """A package as pip installs it: its files and a dist-info folder, in a folder of sys.path."""
-    (folder / f"{name}.py").write_text(source)
-    info = folder / f"{name}-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(entry_points)
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Makes a package as pip installs it: its file and a dist-info folder, in a folder of sys.path."""
 
+    def forget():
+        importlib.invalidate_caches()
+        for names in REGISTRIES:
+            vars(names).pop("_installed", None)
 
-def pdvol(folder, *words):
-    """Exit code, output and errors of a command line in a process that finds packages in `folder`."""
-    command = [sys.executable, "-m", "pdvol", *map(str, words)]
-    env = os.environ | {"PYTHONPATH": str(folder)}
-    ended = subprocess.run(command, env=env, capture_output=True, text=True, timeout=100)
-    return ended.returncode, ended.stdout, ended.stderr
+    def install_(name, source, entry_points):
+        (tmp_path / f"{name}.py").write_text(source)
+        info = tmp_path / f"{name}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(entry_points)
+        forget()
 
-
-def python(folder, program, **more):
-    """What a program prints in a process that finds packages in `folder`."""
-    env = os.environ | {"PYTHONPATH": str(folder)}
-    ended = subprocess.run(
-        [sys.executable, "-c", program], env=env, capture_output=True, text=True, timeout=100, **more
-    )
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield install_
+    monkeypatch.undo()
+    forget()
 
 
 NEAREST = """
@@ -67,44 +64,21 @@ def barycentric(coarse, fine, binding):
 """
 
 
-def test_an_interpolant_of_another_package(tmp_path):
+def test_an_interpolant_of_another_package(install):
     names = "nearest = nearest_pd:nearest\nbarycentric = nearest_pd:barycentric\ntorn = nearest_pd:no\n"
-    install(tmp_path, "nearest_pd", NEAREST, f"[pdvol.interpolants]\n{names}")
-    program = """
-import sys
-from pdvol.registry import INTERPOLANTS
-assert "phong" in INTERPOLANTS and "importlib.metadata" not in sys.modules, "a name of pdvol's own asks no package"
-print(*INTERPOLANTS)
-assert "nearest_pd" not in sys.modules, "listing loads nothing"
-print(INTERPOLANTS.help("nearest"))
-print(INTERPOLANTS["nearest"].__module__, INTERPOLANTS["barycentric"].__module__)
-try:
-    INTERPOLANTS["torn"]
-except Exception as error:
-    print(type(error).__name__, error)
-"""
-    names, help_, modules, error = python(tmp_path, program).splitlines()
-    assert names == "barycentric biharmonic phong nearest torn"
-    assert help_ == "from the package nearest_pd"
-    assert modules == "nearest_pd pdvol.levels.interpolants.barycentric"
-    assert error.startswith("InputError the prolongation 'torn' of the package nearest_pd cannot be loaded: Attribute")
-
-
-def test_a_hierarchy_takes_it(tmp_path):
-    install(tmp_path, "nearest_pd", NEAREST, "[pdvol.interpolants]\nnearest = nearest_pd:nearest\n")
-    program = """
-import numpy as np
-from mpi4py import MPI
-from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.hierarchy import Hierarchy
-from pdvol.meshing.build import build_levels
-import pdvol
-from pdvol import meshes
-scene = pdvol.Scene((pdvol.Body(meshes.disc(0.5), pdvol.NeoHookean(1e5), (20, 60)),), dt=0.01, steps=1)
-weights = Hierarchy(build_levels(scene), MPI.COMM_SELF, "nearest").prolongation(1).weights()
-print(set(weights.data), weights.shape[1] < weights.shape[0] == weights.nnz)
-"""
-    assert python(tmp_path, program).split() == ["{np.float64(1.0)}", "True"]
+    install("nearest_pd", NEAREST, f"[pdvol.interpolants]\n{names}")
+    assert "phong" in INTERPOLANTS and "_installed" not in vars(INTERPOLANTS), "a name of pdvol's own asks no package"
+    assert list(INTERPOLANTS) == ["barycentric", "biharmonic", "phong", "nearest", "torn"]
+    assert "nearest_pd" not in sys.modules, "listing loads nothing"
+    assert INTERPOLANTS.help("nearest") == "from the package nearest_pd"
+    assert INTERPOLANTS["barycentric"].__module__ == "pdvol.levels.interpolants.barycentric"
+    with pytest.raises(
+        InputError, match="the prolongation 'torn' of the package nearest_pd cannot be loaded: Attribute"
+    ):
+        INTERPOLANTS["torn"]
+    scene = Scene((Body(meshes.disc(0.5), NeoHookean(1e5), (20, 60)),), dt=0.01, steps=1)
+    weights = Hierarchy(build_levels(scene), MPI.COMM_SELF, "nearest").prolongation(1).weights()
+    assert np.unique(weights.data).tolist() == [1.0] and weights.shape[1] < weights.shape[0] == weights.nnz
 
 
 COUNTING = """
@@ -115,12 +89,13 @@ def export(run, levels, out, fields):
 """
 
 
-def test_a_format_of_another_package(whole, tmp_path):
-    install(tmp_path, "counting", COUNTING, "[pdvol.formats]\ncount = counting:export\n")
-    words = ["export", whole, "--format", "count", "-o", tmp_path / "out"]
-    assert pdvol(tmp_path, *words) == (0, f"{tmp_path / 'out' / 'states.txt'}\n", "")
+def test_a_format_of_another_package(install, whole, tmp_path, capsys):
+    install("counting", COUNTING, "[pdvol.formats]\ncount = counting:export\n")
+    assert pdvol("export", whole, "--format", "count", "-o", tmp_path / "out") == 0
+    assert capsys.readouterr() == (f"{tmp_path / 'out' / 'states.txt'}\n", "")
     assert (tmp_path / "out" / "states.txt").read_text() == "11 11"
-    assert "{xdmf,obj,usd,pc2,alembic,count}" in pdvol(tmp_path, "export", "--help")[1]
+    assert pdvol("export", "--help") == 0
+    assert "{xdmf,obj,usd,pc2,alembic,count}" in capsys.readouterr().out
 
 
 STEPS = """
@@ -133,12 +108,14 @@ def main(options):
 """
 
 
-def test_a_command_of_another_package(whole, tmp_path):
-    install(tmp_path, "stepping", STEPS, "[pdvol.commands]\nsteps = stepping\ninfo = stepping\n")
-    assert pdvol(tmp_path, "steps", whole) == (1, "10\n", "")
-    code, out, _ = pdvol(tmp_path, "info", whole)
-    assert code == 0 and "method progressive" in out, "pdvol's own comes first"
-    assert "from the package stepping" in pdvol(tmp_path, "--help")[1]
-    code, _, err = pdvol(tmp_path, "stops")
-    said = err.replace("'", "")  # versions of Python quote the choices or not
-    assert code == 2 and ", steps); see pdvol --help\n" in said and err.count("\n") == 1
+def test_a_command_of_another_package(install, whole, capsys):
+    install("stepping", STEPS, "[pdvol.commands]\nsteps = stepping\ninfo = stepping\n")
+    assert pdvol("steps", whole) == 1
+    assert capsys.readouterr() == ("10\n", "")
+    assert pdvol("info", whole) == 0
+    assert "method progressive" in capsys.readouterr().out, "pdvol's own comes first"
+    assert pdvol("--help") == 0
+    assert "from the package stepping" in capsys.readouterr().out
+    assert pdvol("stops") == 2
+    said = capsys.readouterr().err.replace("'", "")  # versions of Python quote the choices or not
+    assert ", steps); see pdvol --help\n" in said and said.count("\n") == 1

@@ -8,7 +8,6 @@ from pdvol import open_run
 from pdvol.cli import run
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
-from pdvol.potentials.contact import friction
 from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
 from problems import make_model, make_scene
 from shapes import box, together
@@ -94,13 +93,6 @@ def terms(*contact, loads=(), damping=0.0):
         (law, law), contact=contact, obstacles=(Plane((0.0, -0.01), (0.0, 1.0)),) if contact else (), loads=loads
     )
     return [term.name for term in build_terms(make_model(scene, mesh), LevelSpace(mesh, MPI.COMM_SELF)).potentials]
-
-
-def test_no_friction_builds_no_tangential_sets(monkeypatch):
-    monkeypatch.setattr(friction.LaggedFriction, "__init__", lambda *_: pytest.fail("tangential"))
-    assert terms(Barrier()) == ["elastic", "barrier"]
-    with pytest.raises(pytest.fail.Exception):
-        terms(Barrier(), Friction(0.3))
 
 
 def test_each_term_is_there_because_it_is_asked_for():

@@ -8,15 +8,11 @@ import meshio
 import numpy as np
 import pytest
 
-from cli_scenes import CUBE_OFF, pdvol, pdvol_on_ranks, states, write
+from cli_scenes import CUBE_OFF, pdvol, pdvol_on_ranks, write
 from commands import SAFETY
 from on_ranks import results_on
 from pdvol import open_run
-from pdvol.errors import InputError
 from pdvol.measure.verify import verify_run
-from pdvol.registry import INTERPOLANTS
-from pdvol.runs.runner import run_scene
-from pdvol.runs.scene_file import load_shot
 
 STEPS = 10
 LOGGED = set(
@@ -65,85 +61,6 @@ def test_the_log_has_its_keys(whole):
     assert all(r["newton_iterations"] > 0 for r in records)
 
 
-def test_levels_steps_and_settings(tmp_path, scene, whole):
-    out = tmp_path / "run"
-    assert (
-        pdvol(
-            "run",
-            scene,
-            "--levels",
-            "0",
-            "--steps",
-            3,
-            "--out",
-            out,
-            "--set",
-            "young=4e4",
-            "--set",
-            "max_halvings=3",
-            "--set",
-            "tolerance=Relative(1e-4)",
-        )
-        == 0
-    )
-    run = open_run(out)
-    assert len(run.levels) == 1 and run.levels[0].steps == 4
-    assert run.info["parameters"]["young"] == 4e4
-    assert run.info["description"]["bodies"][0]["material"]["young"] == 4e4
-    assert not (out / "level_1.xdmf").exists()
-    # The rest of the scene can be added to it later, level by level.
-    for levels in ("1", "0:1"):
-        assert (
-            pdvol("run", scene, "--levels", levels, "--steps", 3, "--out", out, "--resume", "--set", "young=4e4") == 0
-        )
-    assert [level.steps for level in open_run(out).levels] == [4, 4]
-    assert (out / "level_1.xdmf").exists()
-    # A tighter tolerance and another stiffness are really used.
-    assert not np.array_equal(open_run(out).levels[0].positions(3), open_run(whole).levels[0].positions(3))
-
-
-def test_more_steps_of_the_same_scene(tmp_path, scene, whole):
-    out = tmp_path / "run"
-    assert pdvol("run", scene, "--steps", 4, "--out", out) == 0
-    assert pdvol("run", scene, "--resume", "--out", out) == 0
-    for level in range(2):
-        assert states(out, level) == states(whole, level)
-
-
-def test_direct_differs_from_progressive_on_the_fine_level_only(tmp_path, scene, whole):
-    assert pdvol("run", scene, "--method", "direct", "--out", tmp_path / "direct") == 0
-    direct, progressive = open_run(tmp_path / "direct"), open_run(whole)
-    assert direct.info["method"] == "direct"
-    np.testing.assert_array_equal(direct.levels[0].positions(STEPS), progressive.levels[0].positions(STEPS))
-    assert np.abs(direct.levels[1].positions(STEPS) - progressive.levels[1].positions(STEPS)).max() > 1e-6
-    assert verify_run(tmp_path / "direct") == []
-
-
-@pytest.mark.parametrize("name", sorted(set(INTERPOLANTS) - {"barycentric"}))
-def test_every_prolongation(tmp_path, scene, whole, capsys, name):
-    assert pdvol("run", scene, "--prolongation", name, "--levels", "0", "--out", tmp_path / "run") == 0
-    assert pdvol("refine", tmp_path / "run", "--to", 1) == 0
-    run, other = open_run(tmp_path / "run"), open_run(whole)
-    assert run.info["prolongation"] == name
-    np.testing.assert_array_equal(run.levels[0].positions(STEPS), other.levels[0].positions(STEPS))
-    # Another interpolant of the same motion: not the same, and not far.
-    difference = np.abs(run.levels[1].positions(STEPS) - other.levels[1].positions(STEPS)).max()
-    assert 1e-7 < difference < 0.02
-    assert verify_run(tmp_path / "run") == []
-    capsys.readouterr()
-    assert pdvol("info", tmp_path / "run") == 0
-    assert " 3 weights a vertex" not in capsys.readouterr().out
-    assert pdvol("run", scene, "--out", tmp_path / "run", "--resume") == 2
-    assert f"was run with prolongation '{name}', not 'barycentric'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("wrong", [{"method": "magic"}, {"prolongation": "magic"}])
-def test_unknown_methods_and_prolongations(tmp_path, scene, wrong):
-    with pytest.raises(InputError, match="unknown .* 'magic'; choose one of"):
-        run_scene(load_shot(scene), tmp_path / "run", **wrong)
-    assert not (tmp_path / "run").exists()
-
-
 def test_preview_and_the_default_folder(tmp_path, scene, whole, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert pdvol("preview", scene, "--steps", 4) == 0
@@ -178,12 +95,11 @@ def test_info(whole, scene, capsys):
     assert "method progressive" in out and "level 0: done, 9 vertices, 10 steps" in out and "levels 0 -> 1:" in out
     assert pdvol("info", scene, "--set", "mu=0.7") == 0
     out = capsys.readouterr().out
-    assert (
-        "body 'square': NeoHookean, young 20000 Pa" in out
-        and "friction: mu 0.7" in out
-        and "obstacle 'floor': half-space" in out
-    )
-    assert "10 steps of 0.02 s" in out
+    said = ("body 'square': NeoHookean, young 20000 Pa", "friction: mu 0.7", "obstacle 'floor': half-space")
+    assert all(part in out for part in said)
+    assert "10 steps of 0.02 s" in out and "integrator" not in out
+    assert pdvol("info", scene, "--set", "integrator=implicit_euler") == 0
+    assert capsys.readouterr().out.splitlines().count("integrator: implicit_euler") == 1, "not the default"
 
 
 def test_info_draws_bindings(whole, tmp_path, capsys):
@@ -195,14 +111,11 @@ def test_info_draws_bindings(whole, tmp_path, capsys):
 
 
 def test_check(scene, tmp_path, capsys):
-    assert pdvol("check", scene) == 0
+    assert pdvol("check", scene, "--measure", 0) == 0
     out = capsys.readouterr().out
-    assert (
-        "level 0: 9 vertices, 8 cells" in out
-        and "level 1: 25 vertices, 32 cells" in out
-        and "sound" in out.splitlines()[-1]
-    )
-    assert pdvol("check", scene, "--set", "height=-0.5") == 2
+    assert "level 0: 9 vertices, 8 cells" in out and "level 1: 25 vertices, 32 cells" in out
+    assert "sound" in out.splitlines()[-1]
+    assert pdvol("check", scene, "--measure", 0, "--set", "height=-0.5") == 2
     assert "not sound" in capsys.readouterr().out
     write(tmp_path / "cube.off", CUBE_OFF)
     assert pdvol("check", tmp_path / "cube.off") == 0
@@ -228,19 +141,8 @@ def test_hierarchy(tmp_path, capsys):
     assert width > height > 300 and not (tmp_path / "out" / "binding_0.png").exists()
     for words in ("bound inside", "4 weights a vertex", "largest |weight|", "||P||_F", "sqrt m", "||P||_2"):
         assert words in lines[2]
-    assert (
-        pdvol(
-            "hierarchy",
-            tmp_path / "ball.off",
-            "--levels",
-            "60,150",
-            "-o",
-            tmp_path / "smooth",
-            "--prolongation",
-            "biharmonic",
-        )
-        == 0
-    )
+    words = ("--levels", "60,150", "-o", tmp_path / "smooth", "--prolongation", "biharmonic")
+    assert pdvol("hierarchy", tmp_path / "ball.off", *words) == 0
     assert float(capsys.readouterr().out.split(" weights a vertex")[0].split()[-1]) > 10
 
 
@@ -256,40 +158,9 @@ def test_render(whole, tmp_path, capsys):
 
 
 @pytest.mark.mpi
-def test_two_ranks_give_the_same_motion(tmp_path, scene):
-    # The tolerance is tight because at a loose one round-off decides whether Newton takes one more step.
-    steps = 4
-    words = [
-        "run",
-        str(scene),
-        "--steps",
-        str(steps),
-        "--set",
-        "linear=direct",
-        "--set",
-        "tolerance=Relative(1e-7)",
-        "--out",
-    ]
-    (ended,) = results_on((2,), pdvol_on_ranks, *words, tmp_path / "two")
-    assert ended["code"] == 0, ended["said"]
-    assert str(ended["said"]).count("and level_N.xdmf") == 1
-    assert pdvol(*words, tmp_path / "one") == 0
-    one, two = open_run(tmp_path / "one"), open_run(tmp_path / "two")
-    assert len(one.levels) == len(two.levels) == 2
-    for a, b in zip(one.levels, two.levels, strict=True):
-        np.testing.assert_array_equal(a.cells, b.cells)
-        assert b.steps == steps + 1 and max(record["contacts"] for record in b.log) > 0
-        difference = max(np.abs(a.positions(step) - b.positions(step)).max() for step in range(steps + 1))
-        assert difference < 1e-8 * one.info["diagonal"]
-    # Stored by two ranks, gone on with by one.
-    words[3] = str(steps + 1)
-    assert pdvol(*words, tmp_path / "two", "--resume") == 0
-    assert [level.steps for level in open_run(tmp_path / "two").levels] == [steps + 2] * 2
-
-
-@pytest.mark.mpi
 def test_two_ranks_refuse_in_one_line(tmp_path, scene):
     (ended,) = results_on((2,), pdvol_on_ranks, "run", scene, "--out", tmp_path / "bad", "--set", "height=-0.5")
     assert ended["code"] == 2
-    assert str(ended["said"]).count("pdvol: level 0") == 1 and str(ended["said"]).count("\n") == 1
+    (line,) = [line for line in str(ended["said"]).splitlines() if not line.startswith("loading ")]  # on a busy machine
+    assert line.startswith("pdvol: level 0")
     assert not (tmp_path / "bad").exists()

@@ -133,8 +133,6 @@ def test_a_run_takes_the_settings_found_for_an_accuracy_or_a_time(folder, capsys
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--accuracy", "5mm"), "needs a study: pdvol study"),
-        (("--accuracy", "5mm", "--study", "nowhere"), "holds no study"),
         (("--accuracy", "5", "--study", "STUDY"), "write a number and its unit"),
         (("--accuracy", "0mm", "--study", "STUDY"), "write a number and its unit"),
         (("--time", "5mm", "--study", "STUDY"), "write a number and its unit"),
@@ -151,41 +149,10 @@ def test_what_cannot_be_chosen_is_said_in_one_line(folder, tmp_path, capsys, wor
     assert message in error and error.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--vary", "colour"), "needs values"),
-        (("--vary", "colour=1:2"), "no parameter 'colour'"),
-        (("--vary", "dt,dt"), "twice"),
-        (("--vary", "dt", "--vary", "dt=0.01,0.02"), "twice"),
-        (("--vary", "dt=0.01,0.02", "--vary", "dt=0.03"), "twice"),
-        (("--vary", "level=1"), "give level by --levels"),
-        (("--vary", "dt=0.02,0.01,integrator=bdf2"), "a --vary of its own"),
-        (("--vary", "dt=0.02:0.01:half"), "N in A:B:N"),
-        (("--vary", "dt=0.02,level"), "dt"),
-        (("--vary", "dt="), "--vary dt="),
-        (("--budget", "0"), "above zero"),
-        (("--jobs", "0"), "at least 1"),
-        (("--levels", "1:1"), "begins with level 0"),
-        (("--levels", "0:7"), "does not exist"),
-        (("--reference", "dt"), "write name=value"),
-    ],
-)
-def test_a_study_that_cannot_be_made_leaves_nothing(tmp_path, capsys, words, message):
-    write(tmp_path / "fall.py", FALL)
-    assert pdvol("study", tmp_path / "fall.py", "-o", tmp_path / "s", *words) == 2
-    error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1 and not (tmp_path / "s").exists()
-
-
-def test_another_scene_or_a_full_folder_is_refused(folder, tmp_path, capsys):
+def test_another_scene_is_refused(folder, tmp_path, capsys):
     write(tmp_path / "fall.py", FALL.replace("mu=0.3", "mu=0.4"))
     assert pdvol("study", tmp_path / "fall.py", "-o", folder / "s", *WORDS) == 2
     assert "another scene" in capsys.readouterr().err
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full" / "thesis.txt").write_text("mine")
-    assert pdvol("study", tmp_path / "fall.py", "-o", tmp_path / "full", *WORDS) == 2
-    assert "not empty" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -62,11 +62,6 @@ def random_tetrahedra(seed, count=2, size=1.0):
     return surface_of(*meshes)
 
 
-def vertices_at(space, candidates, points):
-    """The surface's vertices where the level's points (n, d) are given in the input's order."""
-    return candidates.surface.vertices(Positions(space, space.from_input(points)))
-
-
 def mesh_of(candidates):
     """ipctk's mesh of the same vertices, edges and faces at rest; obstacles do not meet each other."""
     surface, primitives = candidates.surface, candidates.primitives

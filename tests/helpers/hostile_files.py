@@ -181,19 +181,8 @@ SOUND: dict[str, tuple[bytes, str]] = {
     "quadratic.vtu": (b"", "1 quadratic cells are read by their corners"),
 }
 
-MENDED = (
-    "open.obj",
-    "doubled.obj",
-    "twice.obj",
-    "nearly_welded.obj",
-    "half_turned.obj",
-    "pinched.obj",
-    "shared_edge.obj",
-    "flat_triangle.obj",
-    "crossing.obj",
-    "unwelded.mesh",
-    "partly_inverted.mesh",
-)
+MENDED = "open doubled twice nearly_welded half_turned pinched shared_edge flat_triangle crossing".split()
+MENDED = (*(f"{name}.obj" for name in MENDED), "unwelded.mesh", "partly_inverted.mesh")
 """Files of `WRONG` that `pdvol repair` turns into bodies."""
 
 

@@ -61,25 +61,6 @@ def test_with_others_it_differs_from_that_step_on_and_can_be_resumed(folder):
     assert pdvol("verify", folder / "softer") == 0
 
 
-@pytest.mark.parametrize(
-    "words, reason",
-    [
-        (["--set", "height=0.5"], "another mesh or placement"),
-        (["--set", "sizes=(3,5)"], "another mesh or placement"),
-        (["--set", "dt=0.01"], "another dt"),
-        (["--at", "11"], "no step 11"),
-        (["--steps", "4"], "end of the shot"),
-        (["--resume"], "leave out --resume"),
-        (["--method", "direct"], "progressive"),
-    ],
-)
-def test_what_does_not_fit_is_one_line_and_writes_nothing(folder, capsys, words, reason):
-    assert branch(folder, "refused", *words) == 2
-    said = capsys.readouterr().err
-    assert reason in said and said.count("\n") == 1
-    assert not (folder / "refused").exists()
-
-
 def test_a_level_that_has_not_reached_the_step_is_not_refined(folder, capsys):
     assert run(folder, "preview", "--levels", "0") == 0
     assert branch(folder, "deep", source="preview") == 2

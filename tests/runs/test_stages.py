@@ -67,12 +67,8 @@ def test_stages_nest_and_their_parts_add_up():
         with pytest.raises(ValueError), stage("checking"):
             raise ValueError
     first, second = kept.ended
-    assert (first.name, first.detail, list(first.parts), first.failed) == (
-        "preparing",
-        "two forms",
-        ["compiling"],
-        False,
-    )
+    found = first.name, first.detail, list(first.parts), first.failed
+    assert found == ("preparing", "two forms", ["compiling"], False)
     assert 0.04 <= first.parts["compiling"] <= first.seconds
     assert (second.name, second.failed) == ("checking", True)
     with stage("nobody looks"):
@@ -95,10 +91,8 @@ def test_threads_have_stages_of_their_own():
             thread.start()
         for thread in threads:
             thread.join(SAFETY)
-    assert sorted((s.name, s.detail, len(s.parts)) for s in kept.ended) == [
-        ("a", "detail of a", 0),
-        ("b", "detail of b", 0),
-    ]
+    found = sorted((s.name, s.detail, len(s.parts)) for s in kept.ended)
+    assert found == [("a", "detail of a", 0), ("b", "detail of b", 0)]
 
 
 def test_a_log_gets_a_line_for_what_took_long_and_none_for_the_rest(monkeypatch):

@@ -36,9 +36,3 @@ def test_an_error_is_sent_without_its_cause_and_keeps_it_on_rank_0():
     assert isinstance(found.value.__cause__, ValueError)
     assert str(comm.sent[0]) == "no such file"
     assert comm.sent[0].__cause__ is None and comm.sent[0].__context__ is None
-
-
-def test_a_result_is_sent():
-    comm = Ranks()
-    assert on_root(comm, lambda: [1, 2]) == [1, 2]
-    assert comm.sent == [None, [1, 2]]

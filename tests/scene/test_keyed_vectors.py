@@ -108,17 +108,6 @@ def test_a_free_body_follows_a_ramp_of_gravity(tmp_path, integrator, order):
     np.testing.assert_allclose(np.log2(off[0] / off[1]), order, atol=0.15)
 
 
-def test_a_body_follows_gravity_that_turns(tmp_path):
-    """Implicit Euler's own sum: v_n = dt sum g(t_k), x_n = dt sum v_k, exact without contact."""
-    dt, steps = 0.01, 12
-    body = Body((meshes.brick(),), NeoHookean(1e5))
-    scene = Scene((body,), dt, steps, loads=(Gravity(TURNING),), integrator="implicit_euler")
-    run = pdvol.run(scene, tmp_path / "run")
-    fall = run.levels[0].positions(steps) - run.levels[0].rest
-    speeds = np.cumsum([dt * TURNING(k * dt) for k in range(1, steps + 1)], axis=0)
-    np.testing.assert_allclose(fall, np.tile(dt * speeds.sum(axis=0), (8, 1)), rtol=1e-6, atol=1e-7)
-
-
 @pytest.mark.parametrize(
     ("gravity", "up"),
     [

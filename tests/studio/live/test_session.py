@@ -12,7 +12,7 @@ from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.live.session import MOST_RUNS, Session
 
-STEPS = 10
+STEPS = 6
 LONG = 100_000  # steps of a run that a test ends
 PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
 
@@ -37,7 +37,7 @@ def until(session, condition):
     while not condition():
         session.tick()
         assert time.monotonic() < limit, vars(session.current)
-        time.sleep(0.005)
+        time.sleep(0.02)
 
 
 def run_with(session, **values):
@@ -52,7 +52,7 @@ def run_with(session, **values):
 def alone(folder, name, *words):
     """The same run by a command line."""
     out = folder / f"alone_{name}"
-    assert pdvol("run", folder / "fall.py", "--out", out, "--no-picture", "--no-xdmf", *words) == 0
+    assert pdvol("run", folder / "fall.py", "--out", out, "--steps", STEPS, "--no-picture", "--no-xdmf", *words) == 0
     return open_run(out)
 
 
@@ -202,36 +202,29 @@ def test_a_process_that_is_killed_is_replaced(session):
     assert run_with(session).state == "done"
 
 
-def test_the_end_ends_all_processes(folder):
-    made = Session(folder / "fall.py", {"steps": LONG}, folder / "runs" / "end", folder / "kept")
-    (folder / "runs" / "end").mkdir()
-    made.start()
-    until(made, lambda: made.shown is not None)
-    workers = [*made._pool._idle, *made._pool._taken]
-    made.keep("end")
-    made.close()
-    assert len(workers) >= 2 and not any(worker.alive for worker in workers)
-    assert open_run(folder / "kept" / "end").levels[0].steps > 0
-    assert json.loads((folder / "kept" / "end" / "run.json").read_text())["state"] == "interrupted"
-
-
 SLOW = """
 import time
 from pdvol.integrate import long_step
 
 long_step.SHOWN_AFTER = long_step.SHOWN_EVERY = 0.0
 shown = long_step.LongStep.iterated
-long_step.LongStep.iterated = lambda *state: (shown(*state), time.sleep(0.2))
+long_step.LongStep.iterated = lambda *state: (shown(*state), time.sleep(0.1))
 """
 
 
-def test_a_step_that_lasts_says_how_far_it_is(tmp_path):
+def test_a_step_that_lasts_says_how_far_it_is_and_the_end_ends_all_processes(tmp_path):
     write(tmp_path / "fall.py", FALL + SLOW)
-    session = Session(tmp_path / "fall.py", {}, tmp_path / "runs", tmp_path / "kept")
     (tmp_path / "runs").mkdir()
+    made = Session(tmp_path / "fall.py", {"steps": LONG}, tmp_path / "runs", tmp_path / "kept")
     try:
-        session.start()
-        until(session, lambda: session.current is not None and session.current.lasting)
-        assert re.match(r"level 0  step  ?1/10  newton \d+  contacts .* s so far$", session.current.lasting)
+        made.start()
+        until(made, lambda: made.current is not None and made.current.lasting)
+        assert re.match(r"level 0  step +\d+/100000  newton \d+  contacts .* s so far$", made.current.lasting)
+        until(made, lambda: made.shown is not None)
+        workers = [*made._pool._idle, *made._pool._taken]
+        made.keep("end")
     finally:
-        session.close()
+        made.close()
+    assert len(workers) >= 2 and not any(worker.alive for worker in workers)
+    assert open_run(tmp_path / "kept" / "end").levels[0].steps > 0
+    assert json.loads((tmp_path / "kept" / "end" / "run.json").read_text())["state"] == "interrupted"

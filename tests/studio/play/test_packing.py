@@ -34,13 +34,6 @@ def test_steady_motion_takes_few_bytes():
     assert chunks.entries[0]["filter"] == "2" and len(chunks.texts[0]) < steady.nbytes / 10
 
 
-def test_equal_arrays_are_stored_once():
-    chunks = Chunks()
-    one, other = np.arange(6, dtype=np.uint32), np.arange(6, dtype=np.uint32)
-    assert chunks.raw(one) == chunks.raw(other) != chunks.raw(one.astype(np.uint16))
-    assert len(chunks.texts) == 2
-
-
 def test_quantised_values_are_within_half_a_unit():
     rng = np.random.default_rng(1)
     low, span = np.array([-3.0, 0.0, 5.0]), np.array([7.0, 0.0, 1e-3])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import runs
-from browser import busy, difference
+from browser import Tab, busy, chromium, difference
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.meshes import brick
 from pdvol.store.reader import open_run
@@ -17,6 +17,20 @@ CHANGED = 0.002  # share of the pixels: a small body that moves by its size is m
 TITLES = 60  # pixels: the height of the titles, which a wipe has at other places
 FRAME_BUDGET = 1 / 60  # s: a frame of 60 a second
 CALM = 0.001  # share of the pixels that may differ between two pictures of one state: none, in software rendering
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """One browser for all pages of this file."""
+    with chromium() as first:
+        yield first.page.context.browser
+
+
+@pytest.fixture
+def tab(browser):
+    page = browser.new_page(viewport={"width": 1000, "height": 700})
+    yield Tab(page)
+    page.close()
 
 
 @pytest.fixture

@@ -1,0 +1,241 @@
+"""A run that is resumed, refined, run side by side or on two ranks equals one that nothing interrupted, whatever the
+method, the integrator and the scene.
+"""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import runs
+from cli_scenes import FALL, pdvol, pdvol_on_ranks, states, write
+from on_ranks import results_on
+from pdvol import open_run
+from pdvol.measure.verify import verify_run
+from pdvol.registry import INTERPOLANTS, METHODS
+from variants import FALLING, STEPS, VARIANTS
+
+TIMING = ("seconds", "peak_memory_mb")
+
+
+def assert_same_motion(one, other, logs=True):
+    first, second = open_run(one), open_run(other)
+    assert first.info["state"] == second.info["state"] == "done"
+    for a, b in zip(first.levels, second.levels, strict=True):
+        assert states(one, a.index) == states(other, b.index)
+        drop = [[{k: v for k, v in r.items() if k not in TIMING} for r in level.log] for level in (a, b)]
+        assert drop[0] == drop[1] or not logs
+
+
+def interrupt(out, level, step):
+    """What a kill leaves: states up to a step of a level, nothing after, and a log one line ahead or torn."""
+    info = json.loads((out / "run.json").read_text())
+    for later in range(level, 2):
+        info["levels"][later]["state"] = "running" if later == level else "pending"
+        runs.keep_states(out / "levels" / str(later), step + 1 if later == level else 0)
+    (out / "run.json").write_text(json.dumps({**info, "state": "running"}))
+    lines = (out / "log.jsonl").read_bytes().splitlines(keepends=True)
+    kept = level * info["steps"] + step
+    (out / "log.jsonl").write_bytes(b"".join(lines[:kept]) + (lines[kept][:40] if kept < len(lines) else b""))
+
+
+def test_every_method_and_prolongation_is_here():
+    assert set(METHODS) <= set(VARIANTS) and set(INTERPOLANTS) - {"barycentric"} <= set(VARIANTS)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_runs_are_sound(made, name):
+    run = open_run(made(name))
+    for level in run.levels:
+        assert level.steps == run.info["steps"] + 1
+        assert max(record["contacts"] for record in level.log) > 0 or name in ("embedded", "bent")
+    if name != "embedded":
+        assert verify_run(run.path) == []
+
+
+@pytest.mark.parametrize("name", FALLING)
+def test_level_zero_is_the_same_and_level_one_another_motion(made, name):
+    run, direct = open_run(made(name)), open_run(made("direct"))
+    same = np.array_equal(run.levels[0].positions(STEPS), direct.levels[0].positions(STEPS))
+    assert same == ("euler" not in name)
+    for other in set(FALLING) - {name}:
+        assert np.abs(run.levels[1].positions(STEPS) - open_run(made(other)).levels[1].positions(STEPS)).max() > 1e-7
+
+
+def test_the_first_step_of_bdf2_is_one_of_implicit_euler(made):
+    for level, its in zip(open_run(made("direct")).levels, open_run(made("direct_euler")).levels, strict=True):
+        np.testing.assert_array_equal(level.positions(1), its.positions(1))
+
+
+@pytest.mark.parametrize("name", ["biharmonic", "phong"])
+def test_another_prolongation_gives_a_motion_that_is_near(made, name, capsys):
+    run, other = open_run(made(name)), open_run(made("feedback"))
+    assert run.info["prolongation"] == name
+    assert np.abs(run.levels[1].positions(STEPS) - other.levels[1].positions(STEPS)).max() < 0.02
+    assert pdvol("info", run.path) == 0
+    assert " 3 weights a vertex" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "level", "step"),
+    [
+        *(("progressive", *at) for at in ((0, 0), (0, 4), (0, STEPS), (1, 0), (1, 1), (1, 7))),
+        *(("direct", *at) for at in ((0, 1), (0, 2), (1, 3))),
+        *((name, 1, 4) for name in ("direct", "consistency", "feedback", "both_euler", "tracks", "embedded", "bent")),
+        *(("bent", *at) for at in ((0, 0), (0, 3), (1, 0))),
+        ("terms", 1, 8),
+    ],
+)
+def test_resumed_equals_uninterrupted(made, tmp_path, name, level, step):
+    out = shutil.copytree(made(name), tmp_path / "run")
+    interrupt(out, level, step)
+    assert made.run(name, out, "--resume") == 0
+    assert_same_motion(out, made(name))
+
+
+@pytest.mark.parametrize("name", ["progressive", "both_euler", "tracks", "embedded", "biharmonic"])
+def test_refined_equals_run_at_once(made, tmp_path, name):
+    """Settings are kept, and coarser levels are not touched."""
+    out = tmp_path / "run"
+    if name == "progressive":
+        assert made.run(name, out, command="preview") == 0
+    else:
+        assert made.run(name, out, "--levels", "0") == 0
+    times = {path: path.stat().st_mtime_ns for path in (out / "levels" / "0").iterdir()}
+    for level in (1, 1, 0):  # the second and third time nothing is left to do
+        assert pdvol("refine", out, "--to", level) == 0
+        assert_same_motion(out, made(name))
+    assert {path: path.stat().st_mtime_ns for path in times} == times and (out / "level_1.xdmf").exists()
+
+
+@pytest.mark.parametrize("name", ["consistency", "terms"])
+def test_levels_side_by_side(made, tmp_path, name):
+    """The penalty needs the coarser level one step further ahead than velocities do."""
+    assert made.run(name, tmp_path / "run", "--wavefront") == 0
+    assert_same_motion(tmp_path / "run", made(name), logs=False)
+    broken = [
+        [[record["terms"].get("attachment", {}).get("broken", []) for record in level.log] for level in run.levels]
+        for run in (open_run(made(name)), open_run(tmp_path / "run"))
+    ]
+    assert broken[0] == broken[1]
+    assert name != "terms" or all(len({len(found) for found in level}) >= 3 for level in broken[0])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", ["biharmonic", "both_euler", "embedded"])
+def test_two_ranks_give_the_same(made, tmp_path, name):
+    """The tolerance is tight because at a loose one round-off decides whether Newton takes one more step."""
+    text, *words = VARIANTS[name]
+    words = ["run", write(tmp_path / "fall.py", text), *words, "--set", "linear=direct"]
+    words += ["--set", "tolerance=Relative(1e-7)", "--steps", 4, "--out"]
+    (ended,) = results_on((2,), pdvol_on_ranks, *words, tmp_path / "two")
+    assert ended["code"] == 0 and str(ended["said"]).count("and level_N.xdmf") == 1, ended["said"]
+    assert pdvol(*words, tmp_path / "one") == 0
+    for a, b in zip(open_run(tmp_path / "one").levels, open_run(tmp_path / "two").levels, strict=True):
+        np.testing.assert_array_equal(a.cells, b.cells)
+        assert a.steps == b.steps == 5 and (name == "embedded" or max(record["contacts"] for record in b.log) > 0)
+        for step in range(5):
+            np.testing.assert_allclose(b.positions(step), a.positions(step), rtol=0.0, atol=1e-8)
+        for one, other in zip(a.log, b.log, strict=True):
+            energies = [record["energy"].get("consistency", 0.0) for record in (one, other)]
+            assert energies[1] == pytest.approx(energies[0], rel=1e-4, abs=1e-9)
+    # Stored by two ranks, gone on with by one.
+    assert pdvol(*words, tmp_path / "two", "--resume", "--ranks", 1, "--steps", 5) == 0
+    assert [level.steps for level in open_run(tmp_path / "two").levels] == [6, 6]
+
+
+# ---- what may change
+
+
+def test_a_run_stored_before_there_was_a_choice_of_integrators_resumes(made, tmp_path):
+    """What was the only choice leaves no trace in a run's description, so such runs are the same scene."""
+    out = shutil.copytree(made("direct_euler"), tmp_path / "run")
+    interrupt(out, 1, 4)
+    info = json.loads((out / "run.json").read_text())
+    assert "integrator" not in info["description"]
+    (out / "run.json").write_text(json.dumps({**info, "parameters": {}}))
+    assert made.run("direct_euler", out, "--resume") == 0
+    assert [states(out, k) for k in (0, 1)] == [states(made("direct_euler"), k) for k in (0, 1)]
+
+
+def test_levels_and_steps_are_added_later(tmp_path, scene, whole):
+    """With the same settings; other ones are really used."""
+    out, words = tmp_path / "run", ("--set", "young=4e4", "--set", "max_halvings=3", "--out", tmp_path / "run")
+    assert pdvol("run", scene, "--levels", "0", "--steps", 3, *words) == 0
+    run = open_run(out)
+    assert [level.steps for level in run.levels] == [4] and run.info["parameters"]["young"] == 4e4
+    assert run.info["description"]["bodies"][0]["material"]["young"] == 4e4 and not (out / "level_1.xdmf").exists()
+    assert not np.array_equal(run.levels[0].positions(3), open_run(whole).levels[0].positions(3))
+    assert pdvol("run", scene, "--levels", "1", "--steps", 3, "--resume", *words) == 0
+    assert [level.steps for level in open_run(out).levels] == [4, 4] and (out / "level_1.xdmf").exists()
+    assert pdvol("run", scene, "--steps", 4, "--out", tmp_path / "longer") == 0
+    assert pdvol("run", scene, "--resume", "--out", tmp_path / "longer") == 0
+    assert [states(tmp_path / "longer", k) for k in (0, 1)] == [states(whole, k) for k in (0, 1)]
+
+
+def test_a_direct_level_alone_needs_no_coarser_one(made, tmp_path):
+    assert made.run("direct", tmp_path / "run", "--levels", "1:1", "--steps", 2) == 0
+    alone, every = open_run(tmp_path / "run"), open_run(made("direct"))
+    assert [level.steps for level in alone.levels] == [0, 3]
+    np.testing.assert_array_equal(alone.levels[1].positions(2), every.levels[1].positions(2))
+
+
+def test_other_solver_settings_leave_a_trace_and_hold_from_then_on(tmp_path, scene, capfd):
+    """The folder says which steps had which; a later refine takes the last ones. A linear solver that settings name is
+    the one in use.
+    """
+    out = tmp_path / "run"
+    words = ("run", scene, "--levels", "0", "--out", out)
+    assert pdvol(*words, "--steps", 2, "--set", "tolerance=0.01") == 0
+    assert pdvol(*words, "--steps", 4, "--resume", "--set", "tolerance=Relative(1e-3)") == 0
+    said = "solver settings from step 3 of levels 0 to 0 on: solver.tolerance: 0.01 -> "
+    assert said in capfd.readouterr().err
+    for steps, method in ((5, "direct"), (6, "multilevel")):
+        assert pdvol(*words, "--steps", steps, "--resume", "--set", f"linear={method}") == 0
+    assert pdvol("refine", out, "--to", 1) == 0
+    run = open_run(out)
+    assert [entry["from"] for entry in run.info["solvers"]] == [[1], [3], [5], [6]]
+    assert [record["linear_solver"] for record in run.levels[0].log] == 4 * ["iterative"] + ["direct", "multilevel"]
+    assert {record["linear_solver"] for record in run.levels[1].log} == {"multilevel"}
+
+
+def test_a_run_with_endless_motions_is_the_same_scene_again(tmp_path):
+    """A motion's `stop` is infinity unless given, which run.json cannot hold."""
+    moving = FALL.replace(
+        "Plane((0.0, 0.0), (0.0, 1.0), ", "Plane((0.0, 0.0), (0.0, 1.0), motion=pdvol.Translation((0.0, 0.01)), "
+    )
+    scene, out = write(tmp_path / "moving.py", moving), tmp_path / "run"
+    assert pdvol("run", scene, "--steps", 2, "--levels", "0", "--out", out) == 0
+    assert pdvol("run", scene, "--steps", 3, "--levels", "0", "--out", out, "--resume") == 0
+    assert open_run(out).levels[0].steps == 4
+
+
+def test_a_simulation_that_cannot_go_on(tmp_path, scene, capfd):
+    """One Newton iteration and no halving: it ends with code 1, level and step named, and keeps what was done. Another
+    solver goes on from there: solver settings are not part of what the scene is.
+    """
+    out = tmp_path / "run"
+    assert pdvol("run", scene, "--out", out, "--set", "max_iterations=1", "--set", "max_halvings=0") == 1
+    line = capfd.readouterr().err.strip().split("\n")[-1]
+    assert line.startswith("pdvol: level 0, step ") and "Traceback" not in line
+    run = open_run(out)
+    assert run.info["state"] == "failed" and "step" in run.info["levels"][0]["reason"]
+    assert run.levels[0].steps >= 1 and (out / "level_0.xdmf").exists()
+    assert pdvol("run", scene, "--out", out, "--resume") == 0
+    assert open_run(out).info["state"] == "done" and verify_run(out) == []
+
+
+def test_a_number_that_a_function_reads_is_part_of_the_scene(tmp_path, capfd):
+    """Edited after level 0, it would make level 1 another animation."""
+    falls = FALL.replace("Gravity((0.0, -9.81))", "Gravity(lambda t: (0.0, -G))").replace(
+        "\n\ndef scene", "\nG = 9.81\n\n\ndef scene", 1
+    )
+    scene, out = write(tmp_path / "fall.py", falls), tmp_path / "run"
+    assert pdvol("preview", scene, "--steps", 2, "--no-picture", "--out", out) == 0
+    write(scene, falls.replace("G = 9.81", "G = 1.6"))
+    capfd.readouterr()
+    assert pdvol("refine", out, "--to", 1) == 2
+    assert "holds another scene (scene.loads[0].acceleration.reads.G: 9.81 -> 1.6)" in capfd.readouterr().err
+    write(scene, falls)
+    assert pdvol("refine", out, "--to", 1, "--no-picture") == 0
