@@ -135,8 +135,6 @@ def test_xdmf_holds_forces_and_stresses(resting, tmp_path):
         np.testing.assert_array_equal(cells["von_mises"][0], file["steps/40/Cell/von_mises"])
 
 
-
-
 def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
     copy = shutil.copytree(resting, tmp_path / "run")
     info = json.loads((copy / "run.json").read_text())
