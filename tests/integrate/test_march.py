@@ -169,6 +169,35 @@ def test_the_mean_of_forces_keeps_each_impulse():
     np.testing.assert_array_equal(changed[0], 0.0)
 
 
+def test_a_level_is_the_sum_of_what_steps_have_added():
+    """The lemmas of the paper's appendix B for two levels: x_1^{t+1} = x_1^1 + P (x_0^t - x_0^0) + the sum of what the
+    steps after the first have added to their predictions, gamma = -dt^2 M^-1 grad E, with forces from terms made anew.
+    """
+    scene, fine, _, velocity = falling(2, 1e-8, 8, contact=False)
+    coarse = block((0.0, 0.02), (0.3, 0.32), 1)
+    levels, integrator = Hierarchy([coarse, fine], MPI.COMM_WORLD), INTEGRATORS["implicit_euler"]()
+    problems = [
+        Stepper(make_model(scene, mesh, (), i), levels[i], integrator=integrator)
+        for i, mesh in enumerate((coarse, fine))
+    ]
+    thrown = np.tile([0.4, -1.0], (len(coarse.points), 1)) + 2.0 * (coarse.points - 0.1) ** 2
+    below = [coarse.points]
+    below += [report.positions for report in direct(problems[0], Start.at_rest(coarse.points, thrown), scene.steps)]
+    past = lambda step: past_of(integrator, below.__getitem__, thrown, step, scene.dt)
+    start = Start.at_rest(fine.points, velocity)
+    places = [report.positions for report in progressive(problems[1], levels.prolongation(1), past, start, scene.steps)]
+    space, added = levels[1], np.zeros_like(fine.points)
+    for n, place in enumerate(places[1:], 1):
+        terms = build_terms(make_model(scene, fine, (), 1), space)
+        begin, end = (Positions(space, space.from_input(x)) for x in (places[n - 1], place))
+        for term in terms.potentials:
+            term.begin_step(begin, n * scene.dt, (n + 1) * scene.dt)
+            added -= scene.dt**2 * space.to_input(term.gradient(end) / terms.mass)
+    expected = places[0] + levels.prolongation(1).prolong(below[-2] - below[0]) + added
+    assert np.abs(added).max() > 1e-3, "forces have moved it"
+    np.testing.assert_allclose(places[-1], expected, atol=scene.steps * 1e-8 * scene.dt)
+
+
 # ---- processes and restarts
 
 

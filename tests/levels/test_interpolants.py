@@ -12,8 +12,9 @@ from test_binding import comb_pair, fold_pair
 
 from pdvol.errors import MeshError
 from pdvol.levels.binding import INSIDE, bind
-from pdvol.levels.interpolants.biharmonic import biharmonic, biharmonic_columns, squared_laplacian
-from pdvol.levels.interpolants.locality import DROPPED
+from pdvol.levels.interpolants.biharmonic import biharmonic, biharmonic_columns, flux_laplacian, squared_laplacian
+from pdvol.levels.interpolants.locality import DROPPED, make_local, restore_affine
+from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
@@ -130,6 +131,37 @@ def test_the_others_are_better_than_barycentric_inside(name, d):
     assert error[name] < 0.6 * error["barycentric"]
 
 
+# ---- the Laplacian
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_kernel_is_the_affine_functions(d):
+    mesh = box(d, 4, jitter=0.2)
+    affine = np.column_stack([np.ones(len(mesh.points)), mesh.points])
+    A = squared_laplacian(mesh)
+    np.testing.assert_allclose(A @ affine, 0.0, atol=1e-10)
+    values = np.linalg.eigvalsh(A.toarray())
+    assert values[d] < 1e-10 * values[-1] and values[d + 1] > 1e-5 * values[-1], "d + 1 zeros and no more"
+    # What the boundary does to the cotangent Laplacian: it takes the flux of affine functions through the boundary for
+    # a Laplacian.
+    inner = np.setdiff1d(np.arange(len(mesh.points)), mesh.boundary)
+    cotangent = igl.cotmatrix(
+        mesh.points if d == 3 else np.column_stack([mesh.points, np.zeros(len(mesh.points))]), mesh.cells
+    )
+    np.testing.assert_allclose(cotangent[inner] @ affine, 0.0, atol=1e-13)
+    assert np.abs(cotangent @ affine).max() > 0.01
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_laplacian_integrates_the_jump_of_the_gradient(d):
+    """The kink of |X_0 - 1/2| on a grid with a plane there: the Laplacian is twice the plane's area, and in no other
+    facet.
+    """
+    mesh = box(d, 4)
+    flux = flux_laplacian(mesh) @ np.abs(mesh.points[:, 0] - 0.5)
+    assert flux.sum() == pytest.approx(2.0, rel=1e-12) and np.sum(np.abs(flux) > 1e-12) == (4 if d == 2 else 32)
+
+
 # ---- biharmonic
 
 
@@ -203,6 +235,36 @@ def test_a_part_without_control_points_is_named(d):
         biharmonic(coarse, fine, bind(fine, coarse))
 
 
+def test_a_coordinate_is_local():
+    """Four coarse edges away, a coordinate is below 1 % of its peak; the sparse row has lost at most what it may."""
+    coarse, fine = box(2, 12), box(2, 26, 0.01, 0.99, jitter=0.2)
+    W = dense(coarse, fine)[0]
+    middle = int(np.argmin(np.linalg.norm(coarse.points - 0.5, axis=1)))
+    far = np.linalg.norm(fine.points - coarse.points[middle], axis=1) > 4 / 12
+    assert np.abs(W[far, middle]).max() < 0.01 * W[:, middle].max()
+    home = bind(fine, LevelSpace(coarse, COMM)).matrix(coarse)
+    sparse = make_local([W[:, :100], W[:, 100:]], home, coarse.points, fine.points)
+    assert sparse.nnz < 0.4 * W.size
+    # What was dropped, and as much again for the correction.
+    assert np.abs(sparse - W).sum(axis=1).max() <= 2 * DROPPED
+    assert np.linalg.norm(sparse - W) > 0
+
+
+def test_restoring_affine_fields_is_the_smallest_change():
+    rng = np.random.default_rng(0)
+    coarse, fine = rng.uniform(size=(9, 2)), rng.uniform(size=(3, 2))
+    pattern = np.array([[1, 1, 1, 1, 1, 0, 0, 0, 0], [0, 0, 1, 1, 1, 0, 0, 0, 0], [1] * 9], dtype=bool)
+    weights = np.where(pattern, rng.normal(size=(3, 9)), 0.0)
+    from scipy.sparse import csr_matrix
+
+    restored = restore_affine(csr_matrix(weights), coarse, fine).toarray()
+    for row, target, w, new in zip(pattern, fine, weights, restored, strict=True):
+        C = np.vstack([np.ones(row.sum()), coarse[row].T])
+        change = np.linalg.lstsq(C, np.r_[1.0, target] - C @ w[row], rcond=None)[0]
+        np.testing.assert_allclose(new[row], w[row] + change, atol=1e-10)
+        assert (new[~row] == 0).all()
+
+
 def test_weights_that_take_seconds_are_kept(tmp_path, monkeypatch):
     """Stored weights are read again for the same meshes, and other meshes cause a new solve. Small systems are not
     stored.
@@ -227,3 +289,41 @@ def test_weights_that_take_seconds_are_kept(tmp_path, monkeypatch):
     assert len(list(tmp_path.rglob("*.npz"))) == 2
     file.write_bytes(file.read_bytes()[:-40])  # damaged: solved for again
     np.testing.assert_array_equal(biharmonic(coarse, fine, binding).toarray(), solved.toarray())
+
+
+@pytest.mark.slow
+def test_thirty_thousand_fine_vertices_in_two_minutes(tmp_path, monkeypatch):
+    import time
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # none kept
+    coarse, fine = (
+        LevelSpace(box(3, 16, 0.02, 0.97, jitter=0.2), COMM),
+        LevelSpace(box(3, 30, jitter=0.2, seed=1), COMM),
+    )
+    binding = bind(fine, coarse)
+    start = time.process_time()  # other programs on the machine do not count
+    weights = biharmonic(coarse, fine, binding)
+    assert time.process_time() - start < 120.0
+    np.testing.assert_allclose(weights @ coarse.mesh.points, fine.mesh.points, atol=1e-9)
+    assert weights.nnz < 250 * weights.shape[0]
+
+
+# ---- Phong
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_phong_is_exact_on_quadratics_where_vertex_gradients_are(d):
+    """Around inner vertices of a regular grid cells lie symmetrically: the mean gradient of a quadratic is exact there,
+    and so is Phong.
+    """
+    mesh = box(d, 6)
+    inner = np.setdiff1d(np.arange(len(mesh.points)), mesh.boundary)
+    gradient = np.column_stack([G @ smooth(mesh.points) for G in vertex_gradients(mesh)])
+    exact = 2.0 * mesh.points
+    exact[:, :2] += mesh.points[:, 1::-1]
+    np.testing.assert_allclose(gradient[inner], exact[inner], atol=1e-12)
+    coarse, fine = LevelSpace(mesh, COMM), LevelSpace(box(d, 5, 0.2, 0.8, jitter=0.2), COMM)
+    binding = bind(fine, coarse)
+    weights = {name: INTERPOLANTS[name](coarse, fine, binding) for name in ("phong", "barycentric")}
+    error = {name: np.abs(w @ smooth(mesh.points) - smooth(fine.mesh.points)).max() for name, w in weights.items()}
+    assert error["phong"] < 1e-12 and error["barycentric"] > 1e-3

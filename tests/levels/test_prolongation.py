@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from pdvol.levels.binding import bind
 from pdvol.levels.hierarchy import Hierarchy
@@ -29,6 +30,18 @@ def test_the_matrix_fits_vectors_of_both_spaces(pair):
     assert prolongation.matrix.getBlockSizes() == (fine.dim, fine.dim)
 
 
+def test_matrix_serves_galerkin_products(pair):
+    """PCMG needs P'AP with the fine matrix."""
+    _, fine, prolongation = pair
+    sizes = fine.create_vector().getSizes()
+    identity = PETSc.Mat().createAIJ((sizes, sizes), bsize=fine.dim, nnz=1, comm=COMM)
+    start, end = identity.getOwnershipRange()
+    for row in range(start, end):
+        identity.setValue(row, row, 1.0)
+    identity.assemble()
+    assert identity.ptap(prolongation.matrix).getSizes() == prolongation.matrix.getSizes()[1:] * 2
+
+
 def test_report(pair):
     _, fine, prolongation = pair
     report = prolongation.report()
@@ -38,6 +51,13 @@ def test_report(pair):
     assert report["frobenius_norm"] == pytest.approx(np.linalg.norm(dense), rel=1e-12)
     assert report["sqrt_points"] == np.sqrt(len(dense))
     assert report["two_norm"] == pytest.approx(np.linalg.norm(dense, 2), rel=1e-3)
+
+
+def test_frobenius_norm_is_bounded_without_extrapolation():
+    coarse, fine = LevelSpace(box(2, 3), COMM), LevelSpace(box(2, 7, 0.05, 0.95), COMM)
+    report = Prolongation(coarse, fine, bind(fine, coarse)).report()
+    assert report["inside"] == len(fine.mesh.points)
+    assert report["frobenius_norm"] <= report["sqrt_points"] and report["largest_weight"] <= 1.0 + 1e-12
 
 
 def test_hierarchy_is_a_sequence_with_lazy_prolongations():
