@@ -44,9 +44,9 @@ def claim(run):
         sentence = (
             f"Level {level.index}: at 0.8 s the air has {most / begin:.2f} times its first volume, and the balloon"
         )
-        sentence += f" touches floor and ceiling ({1000 * gaps[0]:.2f} and {1000 * gaps[1]:.2f} mm)."
-        found.append((sentence, most > 1.6 * begin and max(gaps) < 2e-3))
-        found.append((f"At the end it has {end / begin:.2f} times that volume.", end < 1.3 * begin))
+        sentence += f" touches floor and ceiling ({1000 * gaps[0]:.2f} and {1000 * gaps[1]:.2f} mm); at the end it has"
+        holds = most > 1.6 * begin and max(gaps) < 2e-3 and end < 1.3 * begin
+        found.append((f"{sentence} {end / begin:.2f} times that volume.", holds))
     found.append(("The levels grow alike, within a fifth.", max(grown) < 1.2 * min(grown)))
     return found
 

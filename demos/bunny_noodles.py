@@ -109,7 +109,7 @@ def claim(run):
         among, of_all = float(kept[above].mean()), float(kept[apart > 0.0].mean())
         found.append(
             (
-                f"Of {above.sum()} pairs of slices of which one is higher by more than a thickness on level 0,"
+                f"Of {above.sum()} pairs of slices whose heights on level 0 differ by more than a thickness,"
                 f" {100 * among:.1f} % have the same order on level {level}; of all pairs {100 * of_all:.1f} %.",
                 among > 0.95,
             )
@@ -118,7 +118,7 @@ def claim(run):
     found.append(
         (
             f"Of all pairs of places on a slice, {', '.join(f'{100 * fold:.0f}' for fold in folds)} % look more than a"
-            " right angle apart on the levels: slices are folded.",
+            " right angle from each other on the levels: slices are folded.",
             min(folds) > ALIKE * max(folds) > 0.0,
         )
     )
@@ -126,8 +126,7 @@ def claim(run):
     found.append(
         (
             f"Over {100 * REACH:.0f} cm, slices are bent by {', '.join(f'{bend:.1f}' for bend in bends)} degrees on the"
-            f" levels, a mean over all of them: level 0 has {100 * bends[0] / bends[-1]:.0f} % of the finest level's"
-            " bend.",
+            f" levels in the mean: level 0 has {100 * bends[0] / bends[-1]:.0f} % of the finest level's bend.",
             bends[0] > ALIKE * bends[-1],
         )
     )

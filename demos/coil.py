@@ -28,7 +28,7 @@ def claim(run):
         found.append(
             (
                 f"Level {level.index} touches itself from {first:.2f} s on, in up to {most:,} contacts, with"
-                f" {crossings[level.index]} intersections in {level.steps} states."
+                f" {crossings[level.index]} intersections."
                 if touching
                 else f"Level {level.index} touches nothing.",
                 bool(touching) and crossings[level.index] == 0,

@@ -106,8 +106,8 @@ def claim(run):
         speed = max(-quiet(name)(seen) for name in names)
         found.append(
             (
-                f"Level {level.index}: the two come as near as {1000 * apart:.1f} mm to each other, {1000 * above:.1f}"
-                f" mm to the stone (between vertices); they end {leans[0]:.0f} and {leans[1]:.0f} degrees from upright,"
+                f"Level {level.index}: vertices of the two come as near as {1000 * apart:.1f} mm to each other,"
+                f" {1000 * above:.1f} mm to the stone; they end {leans[0]:.0f} and {leans[1]:.0f} degrees from upright,"
                 f" at {1000 * speed:.0f} mm/s at most.",
                 max(apart, above) < 0.05 * LENGTH and max(leans) < 30.0 and speed < 0.05,
             )
@@ -119,9 +119,8 @@ def claim(run):
             (
                 f"Level {entry['level']} ends with both sheep within {1000 * sheep:.0f} mm"
                 f" ({100 * sheep / LENGTH:.1f} % of a sheep's length), the plant within {1000 * plant:.0f} mm"
-                f" ({100 * plant / HEIGHT:.1f} % of its height) of level 0. All bodies are turned by at most"
-                f" {angle:.1f} degrees. All over it, cerata included, it is at most"
-                f" {1000 * entry['largest_distance']:.0f} mm from it.",
+                f" ({100 * plant / HEIGHT:.1f} % of its height) and all within {angle:.1f} degrees of level 0; on the"
+                f" way it is at most {1000 * entry['largest_distance']:.0f} mm from it, a mean.",
                 sheep < 0.03 * LENGTH and plant < 0.03 * HEIGHT and entry["largest_distance"] < 0.1 * LENGTH,
             )
         )

@@ -106,8 +106,8 @@ def claim(run):
     for level in run.levels:
         seen = at_level(run, level.index)
         score, lean = through_and_on_its_feet(seen), np.degrees(np.arccos(upright("frog", axis=(0.0, 1.0, 0.0))(seen)))
-        sentence = f"Level {level.index}: the ring leaves {100 * clearance(seen):.1f} cm beside the frog, which ends"
-        sentence += f" {lean:.1f} degrees from upright; the score is {score:.3f}, at least {GOOD}."
+        sentence = f"Level {level.index}: {100 * clearance(seen):.1f} cm between frog and ring, {lean:.1f} degrees from"
+        sentence += f" upright at the end; the score is {score:.3f}, at least {GOOD}."
         found.append((sentence, score >= GOOD))
     return found
 

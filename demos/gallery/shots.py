@@ -19,9 +19,7 @@ HEAD = [
     "vertices: level 0, finest",
     "CPU seconds a step: level 0, finest",
     "times as long",
-    "Newton iterations a step: level 0, finest",
-    "finest level by `--method direct`: seconds, iterations",
-    "commit",
+    "finest level by `--method direct` [s]",
 ]
 
 
@@ -97,7 +95,6 @@ def table_of_shots(entries: Sequence[Entry], pages: Path) -> str:
 def _row(entry: Entry, page: str, found: Mapping[str, Any]) -> tuple[list[str], float]:
     """A row of the table, and how many times as long the finest level takes."""
     coarse, fine, direct = found["levels"][0], found["levels"][-1], _direct(found)
-    commit, other = commits(found["made"]), commits(found["made_directly"])
     ratio = fine["cpu"] / coarse["cpu"]
     cells = [
         f"[{entry.title}]({page})",
@@ -105,9 +102,7 @@ def _row(entry: Entry, page: str, found: Mapping[str, Any]) -> tuple[list[str], 
         f"{coarse['vertices']:,}, {fine['vertices']:,}",
         f"{number(coarse['cpu'], 2)}, {number(fine['cpu'], 2)}",
         number(ratio, 2),
-        f"{number(coarse['newton'], 2)}, {number(fine['newton'], 2)}",
-        *([f"{number(level['cpu'], 2)}, {number(level['newton'], 2)}" for level in direct] or [""]),
-        f"{commit} (direct: {other})" if direct and other != commit else commit,
+        *([number(level["cpu"], 2) for level in direct] or [""]),
     ]
     return cells, ratio
 

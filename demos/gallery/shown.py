@@ -102,8 +102,6 @@ ENTRIES = (
         slow=(0.1, 0.4),
         size=(1000, 460),
         moment=1.0,
-        meeting=(0, 1),
-        row="soft",
         variants=(Variant("stiff", "A stiff block", {"soft": False}),),
     ),
     Entry(
@@ -198,7 +196,6 @@ ENTRIES = (
         slow=(0.0, 0.35),
         size=(1000, 460),
         moment=0.3,
-        bound="z=0",
     ),
     Entry(
         "bodies_at_rest",
