@@ -38,9 +38,8 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
 
     rows = [
         row("vertices, cells", lambda level: f"{len(level.rest):,}, {len(level.cells):,}"),
-        row("CPU seconds a step (most)", lambda level: _spread([r["seconds"]["cpu"] for r in level.log])),
+        row("CPU seconds a step", lambda level: number(float(np.mean([r["seconds"]["cpu"] for r in level.log])), 2)),
         row("Newton iterations (most)", lambda level: _spread([r["newton_iterations"] for r in level.log])),
-        row("most contacts", lambda level: f"{max(r['contacts'] for r in level.log):,}"),
         row("from level 0 (largest)", from_0),
         *([row("`--method direct` (largest)", lambda level: from_0(level, alone))] if direct else []),
     ]

@@ -26,10 +26,10 @@ INDEX = f"""# Gallery
 
 ![all demos of the gallery](sheet.png)
 
-Each page has a film, sentences that are checked on the stored run, and a table of the levels:
+Each page has a film of the levels beside each other, claims that are checked on the stored run, and a table:
 
-- CPU seconds of one core, beside other jobs, and Newton iterations are means over the steps (and the most of a step).
-- Distances are root mean squares over the mass, from level 0 prolonged, at the end (and the largest at any time). With
+- CPU seconds of one core, beside other jobs, and Newton iterations are means over the steps (most: of any step).
+- Distances are root mean squares over the mass, from level 0 prolonged, at the end (largest: at any time). With
   `--method direct` each level is simulated alone.
 - Intersections are counted by `pdvol verify`, which is independent of the solver.
 
@@ -71,9 +71,8 @@ def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = ()) -> Path
     entry, run = shown.entry, shown.run
     before = out.read_text(encoding="utf-8") if out.is_file() else ""
     parts = [
-        _headed(before, f"# {entry.title}", f"{entry.title}: the levels beside each other", f"{entry.name}.webp"),
-        f"*{run.info['steps'] * run.dt:.3g} s, {run.info['steps']} steps of {run.dt:g} s; {_speed(entry, run.dt)}."
-        f" [Picture]({entry.name}.png).*",
+        _headed(before, f"# {entry.title}", entry.title, f"{entry.name}.webp"),
+        f"*{run.info['steps']} steps of {run.dt:g} s, {_speed(entry, run.dt)}. [Picture]({entry.name}.png).*",
         _claims(shown),
         shown.levels,
     ]
@@ -83,7 +82,7 @@ def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = ()) -> Path
         title = variant.entry.title.rpartition(": ")[2]
         film = f"{variant.entry.name}.webp"
         parts += [
-            _headed(before, f"## {title}", f"{title}: the levels beside each other", film),
+            _headed(before, f"## {title}", title, film),
             _claims(variant),
             variant.levels,
         ]
@@ -112,7 +111,7 @@ def _speed(entry: Entry, dt: float) -> str:
     fraction = dt * FRAMES_PER_SECOND
     if entry.slow is None or fraction >= 1.0:
         return "real speed"
-    return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {fraction:.2g} of it"
+    return f"from {entry.slow[0]:g} to {entry.slow[1]:g} s at {fraction:.2g} of real speed"
 
 
 def _made(shown: Shown) -> str:
@@ -123,7 +122,6 @@ def _made(shown: Shown) -> str:
     if made:
         at, others = (commits(each) or "unknown" for each in (made, shown.made_directly or made))
         direct = f" (by the direct method: {others})" if others != at else ""
-        text += f" at commit {at}{direct} on one core of {made['processor']}, {made['cores']} cores"
-        text += f", load {made['load']:.1f}"
+        text += f" at {at}{direct} on {made['processor']}, {made['cores']} cores, load {made['load']:.1f}"
     model = load_shot(entry.file, entry.settings).scene.model
     return f"{text}." if model == MODEL else f"{text}. The model is {model}."

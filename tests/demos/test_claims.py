@@ -83,7 +83,7 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     with Image.open(pages / "sheet.png") as sheet:
         assert sheet.size[0] == TILE[0]
     assert "Made by `./run pdvol run demos/melt.py" in text
-    assert f" at commit {commit()[:7]} " in text or not commit()
+    assert f" at {commit()[:7]} on " in text or not commit()
     # The second time nothing is simulated; a claim that does not hold is said, and is an error.
     before = (runs / "melt" / "log.jsonl").stat().st_mtime_ns
     monkeypatch.setattr(gallery, "claims", lambda entry, run: [("It stays a cube.", False)])
