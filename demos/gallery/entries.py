@@ -39,7 +39,6 @@ class Entry:
     slow : first and last second of films in slow motion, a stored state a frame
     size, moment : of the film [pixels]; second shown on the contact sheet
     variants : more runs of the page
-    paper : the paper's figure that it is for, where there is one
     demo : name of the demo, where it is not that of the page
     """
 
@@ -56,7 +55,6 @@ class Entry:
     slow: tuple[float, float] | None = None
     size: tuple[int, int] = (1200, 440)
     moment: float = 0.5
-    paper: str = ""
     variants: tuple[Variant, ...] = ()
     demo: str = ""
 

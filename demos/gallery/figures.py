@@ -1,7 +1,6 @@
 """The table of levels of a stored run."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -25,35 +24,29 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
     levels = [level for level in run.levels if level.steps > 1]
     every = -(-run.info["steps"] // MOST_STATES)
     found = {checked.index: checked for checked in check_levels(run.path, every)}
-    above, alone = (_motions(each) if each else {} for each in (run, direct))
+    above, alone = (_largest(each) if each else {} for each in (run, direct))
 
     def row(name: str, cell: Callable[[RunLevel], str]) -> list[str]:
         return [name, *(cell(level) for level in levels)]
 
-    def from_0(level: RunLevel, motions: Mapping[int, Mapping[str, Any]] = above) -> str:
-        measured = motions.get(level.index, {})
-        if "distance" not in measured:
-            return ""
-        return f"{length(measured['distance'])} ({length(measured['largest_distance'])})"
+    def mean(values: Sequence[float]) -> str:
+        return number(float(np.mean(values)), 2)
 
     rows = [
-        row("vertices, cells", lambda level: f"{len(level.rest):,}, {len(level.cells):,}"),
-        row("CPU seconds a step", lambda level: number(float(np.mean([r["seconds"]["cpu"] for r in level.log])), 2)),
-        row("Newton iterations (most)", lambda level: _spread([r["newton_iterations"] for r in level.log])),
-        row("from level 0 (largest)", from_0),
-        *([row("`--method direct` (largest)", lambda level: from_0(level, alone))] if direct else []),
+        row("vertices", lambda level: f"{len(level.rest):,}"),
+        row("CPU seconds a step", lambda level: mean([record["seconds"]["cpu"] for record in level.log])),
+        row("Newton iterations a step", lambda level: mean([record["newton_iterations"] for record in level.log])),
+        row("at most from level 0", lambda level: above.get(level.index, "")),
+        *([row("by `--method direct`", lambda level: alone.get(level.index, ""))] if direct else []),
     ]
     crossings = "; ".join(dict.fromkeys(_crossings(found[level.index]) for level in levels))
     head = ["", *(f"level {level.index}" for level in levels)]
-    return f"{table(head, rows)}\n\nIntersections on each level: {crossings}."
+    return f"{table(head, rows)}\n\nIntersections: {crossings}."
 
 
-def _motions(run: Run) -> dict[int, dict[str, Any]]:
-    return {entry["level"]: entry for entry in motion_from_level_0(run)}
-
-
-def _spread(values: Sequence[float]) -> str:
-    return f"{number(float(np.mean(values)), 2)} ({number(float(max(values)), 2)})"
+def _largest(run: Run) -> dict[int, str]:
+    """How far each level is from level 0, at most in any state."""
+    return {entry["level"]: length(entry["largest_distance"]) for entry in motion_from_level_0(run)[1:]}
 
 
 def _crossings(found: LevelFindings) -> str:

@@ -28,8 +28,8 @@ INDEX = f"""# Gallery
 
 Each page has a film of the levels beside each other, claims that are checked on the stored run, and a table:
 
-- CPU seconds of one core, beside other jobs, and Newton iterations are means over the steps (most: of any step).
-- Distances are root mean squares over the mass, from level 0 prolonged, at the end (largest: at any time). With
+- CPU seconds of one core, beside other jobs, and Newton iterations are means over the steps.
+- Distances are root mean squares over the mass, from level 0 prolonged, the largest in any state; with
   `--method direct` each level is simulated alone.
 - Intersections are counted by `pdvol verify`, which is independent of the solver.
 

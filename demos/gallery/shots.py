@@ -15,7 +15,6 @@ SAVING = 10.0
 """Ratio of times, without a unit: the order of magnitude that a preview is to save at least."""
 HEAD = [
     "shot",
-    "figure of the paper",
     "vertices: level 0, finest",
     "CPU seconds a step: level 0, finest",
     "times as long",
@@ -67,9 +66,9 @@ def commits(made: Mapping[str, Any]) -> str:
 
 
 def table_of_shots(entries: Sequence[Entry], pages: Path) -> str:
-    """Markdown: a row for each run whose costs are kept, those of the paper first, and what they save."""
+    """Markdown: a row for each run whose costs are kept, and what they save."""
     rows, ratios, beside = [], [], []
-    for entry in sorted(entries, key=lambda entry: not entry.paper):
+    for entry in entries:
         for each in entry.rows:
             if found := read_costs(each, pages):
                 row, saved = _row(each, f"{entry.name}.md", found)
@@ -98,7 +97,6 @@ def _row(entry: Entry, page: str, found: Mapping[str, Any]) -> tuple[list[str], 
     ratio = fine["cpu"] / coarse["cpu"]
     cells = [
         f"[{entry.title}]({page})",
-        entry.paper,
         f"{coarse['vertices']:,}, {fine['vertices']:,}",
         f"{number(coarse['cpu'], 2)}, {number(fine['cpu'], 2)}",
         number(ratio, 2),

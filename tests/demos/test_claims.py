@@ -72,11 +72,10 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     cells = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines() if "|" in row]
     rows = {name: values for name, *values in cells}
     stored = open_run(runs / "melt")
-    assert rows["vertices, cells"] == [f"{len(x.rest)}, {len(x.cells)}" for x in stored.levels]
-    assert "\nIntersections on each level: 0 in 76 states.\n" in text
-    own = rows["from level 0 (largest)"]
-    assert own[0] == "" and rows["`--method direct` (largest)"][0] == ""
-    assert own[1] != rows["`--method direct` (largest)"][1] and "m" in rows["`--method direct` (largest)"][1]
+    assert rows["vertices"] == [f"{len(x.rest)}" for x in stored.levels]
+    assert "\nIntersections: 0 in 76 states.\n" in text
+    own, alone = rows["at most from level 0"], rows["by `--method direct`"]
+    assert own[0] == alone[0] == "" and own[1] != alone[1] and "m" in alone[1]
     assert open_run(runs / "melt_direct").info["method"] == "direct"
     with Image.open(pages / "melt.webp") as film:
         assert film.size == small.size and film.n_frames > 30
