@@ -102,18 +102,16 @@ def claim(run):
     first = heights(run, 0)
     apart = np.subtract.outer(first, first)
     above = apart > THICKNESS
-    found = []
-    for level in range(1, len(run.levels)):
-        now = heights(run, level)
-        kept = np.subtract.outer(now, now) > 0.0
-        among, of_all = float(kept[above].mean()), float(kept[apart > 0.0].mean())
-        found.append(
-            (
-                f"Of {above.sum()} pairs of slices whose heights on level 0 differ by more than a thickness,"
-                f" {100 * among:.1f} % have the same order on level {level}; of all pairs {100 * of_all:.1f} %.",
-                among > 0.95,
-            )
+    kept = [np.subtract.outer(x, x) > 0.0 for x in (heights(run, level) for level in range(1, len(run.levels)))]
+    among, of_all = ([float(each[pairs].mean()) for each in kept] for pairs in (above, apart > 0.0))
+    same, all_same = (", ".join(f"{100 * share:.1f}" for share in shares) for shares in (among, of_all))
+    found = [
+        (
+            f"Of {above.sum()} pairs of slices whose heights on level 0 differ by more than a thickness, {same} %"
+            f" have the same order on finer levels; of all pairs {all_same} %.",
+            min(among) > 0.95,
         )
+    ]
     folds = [folded(run, level).mean() for level in range(len(run.levels))]
     found.append(
         (

@@ -122,6 +122,6 @@ def _made(shown: Shown) -> str:
     if made:
         at, others = (commits(each) or "unknown" for each in (made, shown.made_directly or made))
         direct = f" (by the direct method: {others})" if others != at else ""
-        text += f" at {at}{direct} on {made['processor']}, {made['cores']} cores, load {made['load']:.1f}"
+        text += f" at {at}{direct} on {made['processor']}"
     model = load_shot(entry.file, entry.settings).scene.model
     return f"{text}." if model == MODEL else f"{text}. The model is {model}."
