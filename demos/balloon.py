@@ -32,23 +32,28 @@ def scene(subdivisions=(2, 3), layers=(1, 2), young=5e4, pressure=2400.0, room=0
 
 def claim(run):
     """It grows until it is wedged, and gets small again."""
-    found, grown = [], []
+    full, last = round(0.8 / run.dt), run.info["steps"]
+    room = next(obstacle.plane(0)[0][1] for obstacle in run.obstacles if obstacle.name == "ceiling")
+    grown, ends, gaps = [], [], []
     for level in run.levels:
-        facets, last = pressed_facets(level.mesh, 0), run.info["steps"]
-        full = round(0.8 / run.dt)
+        facets = pressed_facets(level.mesh, 0)
         begin, most, end = (enclosed_volume(level.positions(step), facets) for step in (0, full, last))
         grown.append(most / begin)
+        ends.append(end / begin)
         heights = level.positions(full)[:, 1]
-        room = next(obstacle.plane(0)[0][1] for obstacle in run.obstacles if obstacle.name == "ceiling")
-        gaps = heights.min(), room - heights.max()
-        sentence = (
-            f"Level {level.index}: at 0.8 s the air has {most / begin:.2f} times its first volume, and the balloon"
-        )
-        sentence += f" touches floor and ceiling ({1000 * gaps[0]:.2f} and {1000 * gaps[1]:.2f} mm)."
-        found.append((sentence, most > 1.6 * begin and max(gaps) < 2e-3))
-        found.append((f"At the end it has {end / begin:.2f} times that volume.", end < 1.3 * begin))
-    found.append(("The levels grow alike, within a fifth.", max(grown) < 1.2 * min(grown)))
-    return found
+        gaps.append(max(heights.min(), room - heights.max()))
+    air, left, touching = (
+        ", ".join(f"{factor * x:.2f}" for x in found) for factor, found in ((1, grown), (1, ends), (1000, gaps))
+    )
+    return [
+        (
+            f"At 0.8 s the air has {air} times its first volume on the levels, and the balloon touches floor and"
+            f" ceiling (within {touching} mm).",
+            min(grown) > 1.6 and max(gaps) < 2e-3,
+        ),
+        (f"At the end it has {left} times that volume.", max(ends) < 1.3),
+        ("The levels grow alike, within a fifth.", max(grown) < 1.2 * min(grown)),
+    ]
 
 
 if __name__ == "__main__":

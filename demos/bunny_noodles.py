@@ -102,23 +102,21 @@ def claim(run):
     first = heights(run, 0)
     apart = np.subtract.outer(first, first)
     above = apart > THICKNESS
-    found = []
-    for level in range(1, len(run.levels)):
-        now = heights(run, level)
-        kept = np.subtract.outer(now, now) > 0.0
-        among, of_all = float(kept[above].mean()), float(kept[apart > 0.0].mean())
-        found.append(
-            (
-                f"Of {above.sum()} pairs of slices of which one is higher by more than a thickness on level 0,"
-                f" {100 * among:.1f} % have the same order on level {level}; of all pairs {100 * of_all:.1f} %.",
-                among > 0.95,
-            )
+    kept = [np.subtract.outer(x, x) > 0.0 for x in (heights(run, level) for level in range(1, len(run.levels)))]
+    among, of_all = ([float(each[pairs].mean()) for each in kept] for pairs in (above, apart > 0.0))
+    same, all_same = (", ".join(f"{100 * share:.1f}" for share in shares) for shares in (among, of_all))
+    found = [
+        (
+            f"Of {above.sum()} pairs of slices whose heights on level 0 differ by more than a thickness, {same} %"
+            f" have the same order on finer levels; of all pairs {all_same} %.",
+            min(among) > 0.95,
         )
+    ]
     folds = [folded(run, level).mean() for level in range(len(run.levels))]
     found.append(
         (
             f"Of all pairs of places on a slice, {', '.join(f'{100 * fold:.0f}' for fold in folds)} % look more than a"
-            " right angle apart on the levels: slices are folded.",
+            " right angle from each other on the levels: slices are folded.",
             min(folds) > ALIKE * max(folds) > 0.0,
         )
     )
@@ -126,8 +124,7 @@ def claim(run):
     found.append(
         (
             f"Over {100 * REACH:.0f} cm, slices are bent by {', '.join(f'{bend:.1f}' for bend in bends)} degrees on the"
-            f" levels, a mean over all of them: level 0 has {100 * bends[0] / bends[-1]:.0f} % of the finest level's"
-            " bend.",
+            f" levels in the mean: level 0 has {100 * bends[0] / bends[-1]:.0f} % of the finest level's bend.",
             bends[0] > ALIKE * bends[-1],
         )
     )

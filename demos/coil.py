@@ -19,22 +19,14 @@ def scene(cuts=twist.CUTS, speed=600.0, young=2e5, poisson=0.4, steps=66, dt=0.0
 
 def claim(run):
     """The bar touches itself on all levels, nothing crosses, and its levels coil alike."""
-    crossings = {found.index: found.crossings for found in check_levels(run.path)}
-    found = []
-    for level in run.levels:
-        touching = [record for record in level.log if record["contacts"]]
-        first = touching[0]["step"] * run.dt if touching else None
-        most = max(record["contacts"] for record in level.log)
-        found.append(
-            (
-                f"Level {level.index} touches itself from {first:.2f} s on, in up to {most:,} contacts, with"
-                f" {crossings[level.index]} intersections in {level.steps} states."
-                if touching
-                else f"Level {level.index} touches nothing.",
-                bool(touching) and crossings[level.index] == 0,
-            )
-        )
-    return found + twist.claim(run)
+    crossings = sum(found.crossings for found in check_levels(run.path))
+    contacts = [[record["contacts"] for record in level.log] for level in run.levels]
+    begins = [next((step for step, n in enumerate(counts, 1) if n), len(counts)) * run.dt for counts in contacts]
+    first, most = ", ".join(f"{time:.2f}" for time in begins), ", ".join(f"{max(counts):,}" for counts in contacts)
+    sentence = (
+        f"The levels touch themselves from {first} s on, in up to {most} contacts, with {crossings} intersections."
+    )
+    return [(sentence, all(map(any, contacts)) and not crossings), *twist.claim(run)]
 
 
 if __name__ == "__main__":

@@ -44,16 +44,17 @@ def scene(vertices=(65, 260, 950, 3500), young=8e4, mu=0.4, damping=0.02, height
 def claim(run):
     """Both come to rest where level 0 puts them: on the same pegs, in the same pose."""
     size = 0.56  # m, the gear's diameter; the seahorse is larger
-    found = [
-        (
-            f"Level {entry['level']} ends with both bodies within {100 * entry['centre_drift']:.1f} cm and"
-            f" {entry['angle_drift']:.1f} degrees of level 0, less than a fifth of the gear's diameter and 20 degrees.",
-            entry["centre_drift"] < 0.2 * size and entry["angle_drift"] < 20.0,
-        )
-        for entry in motion_from_level_0(run)[1:]
-    ]
+    found = motion_from_level_0(run)[1:]
+    places, angles = ([entry[key] for entry in found] for key in ("centre_drift", "angle_drift"))
+    sentence = f"Bodies of finer levels end at most {', '.join(f'{100 * x:.1f}' for x in places)} cm and"
+    sentence += (
+        f" {', '.join(f'{angle:.1f}' for angle in angles)} degrees from level 0, less than a fifth of the gear's"
+    )
     few, many = len(run.levels[0].rest), len(run.levels[-1].rest)
-    return [*found, (f"The finest level has {many / few:.0f} times the vertices of level 0.", many > few)]
+    return [
+        (f"{sentence} diameter and 20 degrees.", max(places) < 0.2 * size and max(angles) < 20.0),
+        (f"The finest level has {many / few:.0f} times the vertices of level 0.", many > few),
+    ]
 
 
 if __name__ == "__main__":

@@ -47,20 +47,16 @@ def scene(coarse="hollow", young=8e4, mu=0.4, height=0.25, tilt=35.0, damping=0.
 
 def claim(run):
     """The ball stays in the cavity, and both levels come to rest on the same face."""
-    found = []
+    away = []
     for level in run.levels:
         bodies, last = level.mesh.point_bodies, level.positions(level.steps - 1)
-        away = np.linalg.norm(last[bodies == 1].mean(axis=0) - last[bodies == 0].mean(axis=0))
-        found.append(
-            (
-                f"Level {level.index} ends with the ball in the cavity, {100 * away:.1f} cm from the cube's middle.",
-                away < 0.3 * SIZE,
-            )
-        )
-    for entry in motion_from_level_0(run)[1:]:
-        angle = entry["angle_drift"]
-        found.append((f"Level {entry['level']} has turned as level 0 has, but for {angle:.1f} degrees.", angle < 30.0))
-    return found
+        away.append(np.linalg.norm(last[bodies == 1].mean(axis=0) - last[bodies == 0].mean(axis=0)))
+    angles = [entry["angle_drift"] for entry in motion_from_level_0(run)[1:]]
+    places, turned = ", ".join(f"{100 * x:.1f}" for x in away), ", ".join(f"{angle:.1f}" for angle in angles)
+    return [
+        (f"The ball ends in the cavity, {places} cm from the cube's middle on the levels.", max(away) < 0.3 * SIZE),
+        (f"Level 1 has turned as level 0 has, but for {turned} degrees.", max(angles) < 30.0),
+    ]
 
 
 if __name__ == "__main__":

@@ -48,15 +48,11 @@ def scene(
 
 def claim(run):
     """The animals end where level 0 puts them: in the bowl, and turned alike."""
-    return [
-        (
-            f"Level {entry['level']} ends with all animals within {1000 * entry['centre_drift']:.0f} mm and"
-            f" {entry['angle_drift']:.1f} degrees of level 0, less than a twentieth of the bowl's radius and 10"
-            " degrees.",
-            entry["centre_drift"] < 0.05 * RADIUS and entry["angle_drift"] < 10.0,
-        )
-        for entry in motion_from_level_0(run)[1:]
-    ]
+    found = motion_from_level_0(run)[1:]
+    places, angles = ([entry[key] for entry in found] for key in ("centre_drift", "angle_drift"))
+    sentence = f"Animals of finer levels end at most {', '.join(f'{1000 * x:.0f}' for x in places)} mm and"
+    sentence += f" {', '.join(f'{angle:.1f}' for angle in angles)} degrees from level 0, less than a twentieth of the"
+    return [(f"{sentence} bowl's radius and 10 degrees.", max(places) < 0.05 * RADIUS and max(angles) < 10.0)]
 
 
 if __name__ == "__main__":

@@ -97,35 +97,35 @@ def claim(run):
     """They meet over the stone and come to rest on their feet, on all levels in the same places."""
     stone = next(obstacle for obstacle in run.obstacles if obstacle.name == "stone")
     names = ("sheep 1", "sheep 2")
-    found = []
-    for level in run.levels:
-        seen = at_level(run, level.index)
-        apart = nearest(level, 0, 1)
-        above = max(nearest(level, k, stone.vertices) for k in (0, 1))
-        leans = [np.degrees(np.arccos(upright(name, axis=(0.0, 1.0, 0.0))(seen))) for name in names]
-        speed = max(-quiet(name)(seen) for name in names)
-        found.append(
-            (
-                f"Level {level.index}: the two come as near as {1000 * apart:.1f} mm to each other, {1000 * above:.1f}"
-                f" mm to the stone (between vertices); they end {leans[0]:.0f} and {leans[1]:.0f} degrees from upright,"
-                f" at {1000 * speed:.0f} mm/s at most.",
-                max(apart, above) < 0.05 * LENGTH and max(leans) < 30.0 and speed < 0.05,
-            )
-        )
-    for entry in motion_from_level_0(run)[1:]:
-        moved, angle = entry["centre_drifts"], entry["angle_drift"]
-        sheep, plant = max(moved[name] for name in names), moved["plant"]
-        found.append(
-            (
-                f"Level {entry['level']} ends with both sheep within {1000 * sheep:.0f} mm"
-                f" ({100 * sheep / LENGTH:.1f} % of a sheep's length), the plant within {1000 * plant:.0f} mm"
-                f" ({100 * plant / HEIGHT:.1f} % of its height) of level 0. All bodies are turned by at most"
-                f" {angle:.1f} degrees. All over it, cerata included, it is at most"
-                f" {1000 * entry['largest_distance']:.0f} mm from it.",
-                sheep < 0.03 * LENGTH and plant < 0.03 * HEIGHT and entry["largest_distance"] < 0.1 * LENGTH,
-            )
-        )
-    return found
+    seen = [at_level(run, level.index) for level in run.levels]
+    apart = [nearest(level, 0, 1) for level in run.levels]
+    above = [max(nearest(level, k, stone.vertices) for k in (0, 1)) for level in run.levels]
+    upward = [upright(name, axis=(0.0, 1.0, 0.0)) for name in names]
+    leans = [max(np.degrees(np.arccos(each(level))) for each in upward) for level in seen]
+    speeds = [max(-quiet(name)(level) for name in names) for level in seen]
+    ends = motion_from_level_0(run)[1:]
+    sheep = [max(entry["centre_drifts"][name] for name in names) for entry in ends]
+    plant, most = [entry["centre_drifts"]["plant"] for entry in ends], [entry["largest_distance"] for entry in ends]
+    angles = [entry["angle_drift"] for entry in ends]
+    return [
+        (
+            f"On the levels vertices of the two come as near as {_list(apart, 1000, 1)} mm to each other,"
+            f" {_list(above, 1000, 1)} mm to the stone; the two end at most {_list(leans)} degrees from upright, at"
+            f" {_list(speeds, 1000)} mm/s at most.",
+            max(*apart, *above) < 0.05 * LENGTH and max(leans) < 30.0 and max(speeds) < 0.05,
+        ),
+        (
+            f"Finer levels end with both sheep within {_list(sheep, 1000)} mm ({_list(sheep, 100 / LENGTH, 1)} % of a"
+            f" sheep's length), the plant within {_list(plant, 1000)} mm ({_list(plant, 100 / HEIGHT, 1)} % of its"
+            f" height) and all within {_list(angles, digits=1)} degrees of level 0; on the way they are at most"
+            f" {_list(most, 1000)} mm from it, a mean.",
+            max(sheep) < 0.03 * LENGTH and max(plant) < 0.03 * HEIGHT and max(most) < 0.1 * LENGTH,
+        ),
+    ]
+
+
+def _list(values, factor=1.0, digits=0):
+    return ", ".join(f"{factor * value:.{digits}f}" for value in values)
 
 
 if __name__ == "__main__":

@@ -102,14 +102,13 @@ def through_and_on_its_feet(run):
 
 def claim(run):
     """The throw works on every level."""
-    found = []
-    for level in run.levels:
-        seen = at_level(run, level.index)
-        score, lean = through_and_on_its_feet(seen), np.degrees(np.arccos(upright("frog", axis=(0.0, 1.0, 0.0))(seen)))
-        sentence = f"Level {level.index}: the ring leaves {100 * clearance(seen):.1f} cm beside the frog, which ends"
-        sentence += f" {lean:.1f} degrees from upright; the score is {score:.3f}, at least {GOOD}."
-        found.append((sentence, score >= GOOD))
-    return found
+    seen = [at_level(run, level.index) for level in run.levels]
+    scores = [through_and_on_its_feet(each) for each in seen]
+    leans = [np.degrees(np.arccos(upright("frog", axis=(0.0, 1.0, 0.0))(each))) for each in seen]
+    beside, lean = ", ".join(f"{100 * clearance(each):.1f}" for each in seen), ", ".join(f"{x:.1f}" for x in leans)
+    sentence = f"On the levels {beside} cm lie between frog and ring, and the frog ends {lean} degrees from upright;"
+    shown = ", ".join(f"{score:.3f}" for score in scores)
+    return [(f"{sentence} scores are {shown}, at least {GOOD}.", min(scores) >= GOOD)]
 
 
 if __name__ == "__main__":

@@ -5,8 +5,6 @@ Between the corners the vertices of level 1 lie outside of level 0, many of them
 own. Which cells are they bound to?
 """
 
-from colorsys import hls_to_rgb
-
 import numpy as np
 from mpi4py import MPI
 
@@ -60,14 +58,6 @@ def scene(young=2e5, height=0.03, speed=1.5, lean=8.0, spin=-6.0, mu=0.4, dampin
 def turns(cuts):
     """How far along the sponge each vertex of a level lies [turns], as `meshes.brick` numbers them."""
     return np.repeat(np.linspace(0.0, TURNS, cuts[0] + 1), (cuts[1] + 1) * (cuts[2] + 1))
-
-
-def colours(run):
-    """Of each cell of level 0: a hue that goes once round along the whole sponge, lighter and darker in turn."""
-    cells = run.levels[0].mesh.cells
-    place = turns(CUTS[0])[cells].mean(axis=1) / TURNS
-    step = np.floor(place * CUTS[0][0]).astype(int)
-    return np.array([hls_to_rgb(0.94 * p, (0.45, 0.62)[k % 2], 0.6) for p, k in zip(place, step, strict=True)])
 
 
 def outside(run, rule=bind):

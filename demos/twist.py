@@ -42,14 +42,13 @@ def scene(cuts=CUTS, speed=300.0, release=0.7, young=2e5, poisson=0.4, steps=100
 
 def claim(run):
     """After the release the bar untwists alike on all levels."""
-    return [
-        (
-            f"Level {entry['level']} is at most {1000 * entry['largest_distance']:.1f} mm from level 0, a mean over the"
-            f" bar, in any step ({1000 * entry['distance']:.1f} mm at the end); the bar is {1000 * WIDTH:.0f} mm wide.",
-            entry["largest_distance"] < 0.1 * WIDTH,
-        )
-        for entry in motion_from_level_0(run)[1:]
-    ]
+    found = motion_from_level_0(run)[1:]
+    most, end = ([entry[key] for entry in found] for key in ("largest_distance", "distance"))
+    shown, last = (", ".join(f"{1000 * x:.1f}" for x in distances) for distances in (most, end))
+    sentence = (
+        f"Finer levels are at most {shown} mm from level 0, a mean over the bar, in any step ({last} mm at the end)"
+    )
+    return [(f"{sentence}; the bar is {1000 * WIDTH:.0f} mm wide.", max(most) < 0.1 * WIDTH)]
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ BAR_SECONDS, BAR_YOUNG = 3.0, 1e6
 BAR_CUTS = ((10, 2), (20, 4), (40, 8))
 """Squares along and across the bar on its levels, as `time_order.cantilever` has them."""
 BAR_SHOWN, APE_SHOWN = (0, 2), (0, 3)
-"""Levels in the films."""
+"""Levels in the films and the table."""
 CELL, HEADER = (232, 300), 40
 """Pixels of a picture of the ape, and of the text above it."""
 TRUTH_INK = "#3b3f46"
@@ -100,13 +100,13 @@ def of_level(truth: np.ndarray, level: int) -> np.ndarray:
 def bar_table(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> str:
     """Distance from the truth, and how far the tip swings in the last swing."""
     rows = []
-    for level in range(len(BAR_CUTS)):
+    for level in BAR_SHOWN:
         apart = [
             np.sqrt(((levels[level] - of_level(truth, level)) ** 2).sum(axis=2).mean(axis=1)).mean()
             for levels in bars.values()
         ]
         rows.append([f"level {level}: from the truth, mean [mm]", *(f"{1e3 * value:.0f}" for value in apart), "0"])
-    for level in range(len(BAR_CUTS)):
+    for level in BAR_SHOWN:
         swung = [last_swing(tip(levels[level])) for levels in bars.values()]
         cells = [f"{1e3 * value:.0f}" for value in (*swung, last_swing(tip(truth)))]
         rows.append([f"level {level}: the tip swings in the last second by [mm]", *cells])
@@ -156,10 +156,10 @@ def film_of_bars(out: Path, bars: Mapping[str, Sequence[np.ndarray]], truth: np.
 def ape_table(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> str:
     """How high the centre comes, and how far its height is from the truth's."""
     rows = []
-    for level in next(iter(heights.values())):
+    for level in APE_SHOWN:
         cells = [f"{1e3 * each[level].max():.0f}" for each in heights.values()]
         rows.append([f"level {level}: the centre rises by [mm]", *cells, f"{1e3 * truth.max():.0f}"])
-    for level in next(iter(heights.values())):
+    for level in APE_SHOWN:
         cells = [f"{1e3 * np.sqrt(((each[level] - truth) ** 2).mean()):.0f}" for each in heights.values()]
         rows.append([f"level {level}: its height from the truth's, root mean square [mm]", *cells, "0"])
     return table(["ape", *heights, "truth"], rows)

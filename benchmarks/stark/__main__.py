@@ -8,7 +8,7 @@ time step, contact distance and stop criterion. Seconds are CPU seconds (user an
 start-up, storage and the first step, so that other work on the machine hardly counts. They are divided by the tick,
 the time of a fixed loop between the steps: a core of a shared host runs at its best or at half of that.
 
-The table is written between the markers of docs/benchmarks.md; rows that are not run again stay. The exit code is 0
+The table is written between the markers of NOTES.md; rows that are not run again stay. The exit code is 0
 when every run came to its end, 1 otherwise, and 2 for a wrong command line.
 """
 
@@ -58,7 +58,7 @@ def main(words: list[str] | None = None) -> int:
     add("--steps", type=int, help="so many steps at most, instead of each row's own")
     add("--peers", type=Path, default=shared, metavar="DIR", help="the peers' meshes")
     add("--out", type=Path, default=REPOSITORY / "runs" / "stark", metavar="DIR", help="for stark.json, the records")
-    page = REPOSITORY / "docs" / "benchmarks.md"
+    page = Path(__file__).with_name("NOTES.md")
     add("--docs", type=Path, default=page, metavar="FILE", help="where the table is kept")
     options = parser.parse_args(words)
     try:

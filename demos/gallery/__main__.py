@@ -11,8 +11,6 @@ from demos.gallery.check import table_of_ages
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.figures import table_of_levels
 from demos.gallery.film import write_binding, write_film, write_picture, write_tile
-from demos.gallery.further import write_bound
-from demos.gallery.meeting import meeting, table_of_meetings
 from demos.gallery.page import RUNS, Shown, write_entry, write_index
 from demos.gallery.shots import write_costs
 from demos.gallery.shown import ENTRIES
@@ -63,13 +61,8 @@ def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
         write_tile(entry, shown.run, ENTRIES, PAGES / "sheet.png")
         if entry.binding:
             write_binding(shown.run, PAGES / f"{entry.name}_binding.png")
-        if entry.bound:
-            write_bound(entry, shown.run, PAGES / f"{entry.name}_bound.webp")
     write_player(panes_of_run(shown.run), runs / f"{entry.name}.html", entry.title)
-    near = ""
-    if entry.meeting:
-        near = table_of_meetings({each.entry.row: meeting(each.run, entry.meeting) for each in found})
-    print(write_entry(shown, PAGES / f"{entry.name}.md", variants, near))
+    print(write_entry(shown, PAGES / f"{entry.name}.md", variants))
     broken = [(each.entry.name, sentence) for each in found for sentence, holds in each.claims if not holds]
     for name, sentence in broken:
         print(f"gallery: {name}: does not hold: {sentence}", file=sys.stderr)

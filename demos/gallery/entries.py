@@ -36,13 +36,10 @@ class Entry:
     drawn : whether bodies that carry render meshes are drawn as these
     direct : whether a second run says how far levels part that are simulated each on its own
     binding : whether the page has a picture of how level 1 is bound to level 0
-    bound : how a film of that binding is cut; no film where empty
     slow : first and last second of films in slow motion, a stored state a frame
     size, moment : of the film [pixels]; second shown on the contact sheet
     variants : more runs of the page
-    paper : the paper's figure that it is for, where there is one
-    meeting : two bodies, by their numbers; the page compares how near they come with embedding
-    row, demo : name beside its variants; name of the demo, where it is not that of the page
+    demo : name of the demo, where it is not that of the page
     """
 
     name: str
@@ -55,14 +52,10 @@ class Entry:
     drawn: bool = False
     direct: bool = True
     binding: bool = False
-    bound: str = ""
     slow: tuple[float, float] | None = None
     size: tuple[int, int] = (1200, 440)
     moment: float = 0.5
-    paper: str = ""
     variants: tuple[Variant, ...] = ()
-    meeting: tuple[int, int] | None = None
-    row: str = ""
     demo: str = ""
 
     @property
@@ -81,7 +74,6 @@ class Entry:
                 settings=variant.settings,
                 direct=self.direct and variant.direct,
                 demo=self.name,
-                row=variant.name,
                 variants=(),
             )
             for variant in self.variants

@@ -22,11 +22,9 @@ FRAMES_PER_SECOND = 24.0
 PAUSE = 0.75  # s that the last state stands before a film begins again
 MOST_BYTES = 400_000  # of a film
 TRIALS = (
-    (960, 2, 70),
-    (960, 2, 50),
+    (960, 2, 60),
     (880, 2, 40),
-    (800, 3, 45),
-    (800, 3, 35),
+    (800, 3, 40),
     (720, 3, 35),
     (720, 4, 35),
     (640, 4, 35),
@@ -141,24 +139,15 @@ def fit_film(path: Path, most: int = MOST_BYTES) -> Path:
     """
     if path.stat().st_size <= most:
         return path
-    expected = 0.0  # bytes of a trial over its `_share`
     with Image.open(path) as film:
-        for trial in TRIALS:
-            if expected * _share(*trial) > 1.1 * most and trial != TRIALS[-1]:
-                continue
-            found, (frames, times) = io.BytesIO(), zip(*_frames(film, *trial[:2]), strict=True)
+        for width, every, quality in TRIALS:
+            found, (frames, times) = io.BytesIO(), zip(*_frames(film, width, every), strict=True)
             words: dict[str, Any] = {"save_all": True, "append_images": frames[1:], "duration": times, "loop": 0}
-            frames[0].save(found, "WEBP", **words, quality=trial[2], method=4)
+            frames[0].save(found, "WEBP", **words, quality=quality, method=4)
             if found.tell() <= most:
                 break
-            expected = found.tell() / _share(*trial)
     write_bytes(path, found.getvalue())
     return path
-
-
-def _share(width: int, every: int, quality: int) -> float:
-    """How a film's bytes change with these, about, without a unit: as ten films had it."""
-    return width**1.5 * quality**0.7 / every
 
 
 def _frames(film: Image.Image, width: int, every: int) -> Iterator[tuple[Image.Image, int]]:

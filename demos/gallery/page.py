@@ -17,32 +17,30 @@ from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 
 RUNS = "runs/gallery"  # folder of the gallery's runs
-BINDING, BOUND = "How level 1 is bound to level 0", "Which cell each cell is bound to"
+BINDING = "How level 1 is bound to level 0"
 TO_WRITE = "To be written: what to look at, and what was learned."
 """The words of a page that has none."""
-MEETINGS = (
-    "At the end. Gaps are distances from vertices of the one surface to the other surface, negative inside it. Embedded"
-    " means that level 1 only follows level 0, by the same interpolation."
-)
-"""What stands above the table of how near bodies come."""
+MODEL = "bdf2, smoothed elements, drift feedback 0.05"
+"""The model of scenes that name none. A page names another one."""
 INDEX = f"""# Gallery
 
 ![all demos of the gallery](sheet.png)
 
-Each page, its film and its table are made from a stored run by `./run python -m demos.gallery NAME`, which simulates
-first what is not stored. `{RUNS}/NAME.html` plays it. A demo's claim is checked on the stored run when its page is
-made, and on small levels by the tests.
+Each page has a film of the levels beside each other, claims that are checked on the stored run, and a table:
 
-In the tables of pages, times, iterations and distances from the level below are means over all steps. Parts of the
-time are assembly, contact, collision detection, linear solves and the rest. Distances are root mean squares over the
-mass, from the coarser level prolonged to the finer one; those from level 0 are at the end. With `--method direct` each
-level is simulated on its own. Intersections are counted by `pdvol verify`, which is independent of the solver.
+- CPU seconds of one core, beside other jobs, and Newton iterations are means over the steps.
+- Distances are root mean squares over the mass, from level 0 prolonged, the largest in any state; with
+  `--method direct` each level is simulated alone.
+- Intersections are counted by `pdvol verify`, which is independent of the solver.
+
+The model is {MODEL}, unless the page names another one.
+`./run python -m demos.gallery NAME` makes a page, and simulates first what is not stored; `{RUNS}/NAME.html` plays
+the run. With `--check` instead of NAME it lists the pages' commits, and which numbers are older than the solver.
 
 ## What a preview saves
 
-Means over all steps of a level, CPU time on one core, beside other jobs. A level solves the same problem as its direct
-simulation: the same forces, contact and friction, from another prediction. `./run python -m demos.gallery --check`
-says which of these numbers are older than the solver.
+A level solves the same problem as its direct simulation (the same forces, contact and friction), from another
+prediction.
 
 """
 """The gallery's index, above its table."""
@@ -68,37 +66,26 @@ class Shown:
     made_directly: Mapping[str, Any]
 
 
-def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = (), meetings: str = "") -> Path:
-    """The page of an entry beside its film.
-
-    Parameters
-    ----------
-    variants : those of the entry, in its order
-    meetings : the table of how near bodies come, of the entry and its variants
-    """
+def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = ()) -> Path:
+    """The page of an entry, and of its variants in their order, beside its film."""
     entry, run = shown.entry, shown.run
     before = out.read_text(encoding="utf-8") if out.is_file() else ""
     parts = [
-        _headed(before, f"# {entry.title}", f"{entry.title}: the levels beside each other", f"{entry.name}.webp"),
-        f"*{run.info['steps'] * run.dt:.3g} s, {run.info['steps']} steps of {run.dt:g} s; {_speed(entry, run.dt)}."
-        f" [Picture]({entry.name}.png).*",
-        "## What it shows\n\n" + _claims(shown),
-        f"## The levels\n\n{shown.levels}",
+        _headed(before, f"# {entry.title}", entry.title, f"{entry.name}.webp"),
+        f"*{run.info['steps']} steps of {run.dt:g} s, {_speed(entry, run.dt)}. [Picture]({entry.name}.png).*",
+        _claims(shown),
+        shown.levels,
     ]
     if entry.binding:
         parts.append(_headed(before, f"## {BINDING}", BINDING, f"{entry.name}_binding.png"))
-    if entry.bound:
-        parts.append(_headed(before, f"## {BOUND}", BOUND, f"{entry.name}_bound.webp"))
     for variant in variants:
         title = variant.entry.title.rpartition(": ")[2]
         film = f"{variant.entry.name}.webp"
         parts += [
-            _headed(before, f"## {title}", f"{title}: the levels beside each other", film),
+            _headed(before, f"## {title}", title, film),
             _claims(variant),
             variant.levels,
         ]
-    if meetings:
-        parts.append(f"## How near they come\n\n{MEETINGS}\n\n{meetings}")
     parts += [_made(each) for each in (shown, *variants)]
     write_bytes(out, ("\n\n".join(parts) + "\n").encode())
     return out
@@ -124,7 +111,7 @@ def _speed(entry: Entry, dt: float) -> str:
     fraction = dt * FRAMES_PER_SECOND
     if entry.slow is None or fraction >= 1.0:
         return "real speed"
-    return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {fraction:.2g} of it"
+    return f"from {entry.slow[0]:g} to {entry.slow[1]:g} s at {fraction:.2g} of real speed"
 
 
 def _made(shown: Shown) -> str:
@@ -135,6 +122,6 @@ def _made(shown: Shown) -> str:
     if made:
         at, others = (commits(each) or "unknown" for each in (made, shown.made_directly or made))
         direct = f" (by the direct method: {others})" if others != at else ""
-        text += f" at commit {at}{direct} on one core of {made['processor']}, {made['cores']} cores"
-        text += f", load {made['load']:.1f}"
-    return f"{text}. The model is {load_shot(entry.file, entry.settings).scene.model}."
+        text += f" at {at}{direct} on {made['processor']}"
+    model = load_shot(entry.file, entry.settings).scene.model
+    return f"{text}." if model == MODEL else f"{text}. The model is {model}."

@@ -15,13 +15,10 @@ SAVING = 10.0
 """Ratio of times, without a unit: the order of magnitude that a preview is to save at least."""
 HEAD = [
     "shot",
-    "figure of the paper",
     "vertices: level 0, finest",
     "CPU seconds a step: level 0, finest",
     "times as long",
-    "Newton iterations a step: level 0, finest",
-    "finest level by `--method direct`: seconds, iterations",
-    "commit",
+    "finest level by `--method direct` [s]",
 ]
 
 
@@ -69,9 +66,9 @@ def commits(made: Mapping[str, Any]) -> str:
 
 
 def table_of_shots(entries: Sequence[Entry], pages: Path) -> str:
-    """Markdown: a row for each run whose costs are kept, those of the paper first, and what they save."""
+    """Markdown: a row for each run whose costs are kept, and what they save."""
     rows, ratios, beside = [], [], []
-    for entry in sorted(entries, key=lambda entry: not entry.paper):
+    for entry in entries:
         for each in entry.rows:
             if found := read_costs(each, pages):
                 row, saved = _row(each, f"{entry.name}.md", found)
@@ -97,17 +94,13 @@ def table_of_shots(entries: Sequence[Entry], pages: Path) -> str:
 def _row(entry: Entry, page: str, found: Mapping[str, Any]) -> tuple[list[str], float]:
     """A row of the table, and how many times as long the finest level takes."""
     coarse, fine, direct = found["levels"][0], found["levels"][-1], _direct(found)
-    commit, other = commits(found["made"]), commits(found["made_directly"])
     ratio = fine["cpu"] / coarse["cpu"]
     cells = [
         f"[{entry.title}]({page})",
-        entry.paper,
         f"{coarse['vertices']:,}, {fine['vertices']:,}",
         f"{number(coarse['cpu'], 2)}, {number(fine['cpu'], 2)}",
         number(ratio, 2),
-        f"{number(coarse['newton'], 2)}, {number(fine['newton'], 2)}",
-        *([f"{number(level['cpu'], 2)}, {number(level['newton'], 2)}" for level in direct] or [""]),
-        f"{commit} (direct: {other})" if direct and other != commit else commit,
+        *([number(level["cpu"], 2) for level in direct] or [""]),
     ]
     return cells, ratio
 

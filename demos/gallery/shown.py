@@ -12,16 +12,15 @@ ENTRIES = (
         slow=(0.3, 1.1),
         moment=0.48,
     ),
-    Entry("ball_on_spike", "A ball on a spike", paper="2 and 10", slow=(0.2, 0.6), size=(1200, 420), moment=0.45),
+    Entry("ball_on_spike", "A ball on a spike", slow=(0.2, 0.6), size=(1200, 420), moment=0.45),
     Entry(
         "heterogeneous",
         "Soft and stiff on a trampoline",
-        paper="16",
         small={"vertices": (25, 50), "dt": 0.02, "steps": 35},
         slow=(0.25, 0.65),
         size=(1260, 480),
     ),
-    Entry("rope_drop", "A rope falls in folds", paper="11, 17 and 18", slow=(0.2, 0.6), size=(1100, 480), moment=0.51),
+    Entry("rope_drop", "A rope falls in folds", slow=(0.2, 0.6), size=(1100, 480), moment=0.51),
     Entry(
         "melt",
         "A tower melts and sets",
@@ -80,7 +79,6 @@ ENTRIES = (
     Entry(
         "extreme_shapes",
         "A gear and a seahorse over pegs",
-        paper="12",
         small={"vertices": (65, 200), "dt": 0.02, "steps": 60},
         binding=True,
         size=(1080, 720),
@@ -89,7 +87,6 @@ ENTRIES = (
     Entry(
         "hollow_cube",
         "A ball in a hollow cube",
-        paper="limitations",
         small={"steps": 40, "dt": 0.02},
         cut="z=0:cube",
         size=(1000, 460),
@@ -97,19 +94,15 @@ ENTRIES = (
     Entry(
         "dice_and_wizard",
         "A gnome on a letter block",
-        paper="4",
         small={"vertices": (250, 500), "block": (216, 900), "dt": 0.02, "steps": 40},
         slow=(0.1, 0.4),
         size=(1000, 460),
         moment=1.0,
-        meeting=(0, 1),
-        row="soft",
         variants=(Variant("stiff", "A stiff block", {"soft": False}),),
     ),
     Entry(
         "jelly_bowl",
         "Jelly animals in a glass bowl",
-        paper="19",
         small={"vertices": (150, 400), "dt": 0.01, "steps": 40},
         slow=(0.1, 0.5),
         size=(1260, 440),
@@ -126,7 +119,6 @@ ENTRIES = (
     Entry(
         "bunny_noodles",
         "Bunny noodles",
-        paper="3",
         settings={"feedback": 0.1},
         small={"slices": 4, "vertices": (30, 60), "dt": 0.02, "steps": 22},
         direct=False,
@@ -137,7 +129,6 @@ ENTRIES = (
     Entry(
         "leaf_sheep",
         "Leaf sheep on a sea mushroom",
-        paper="1",
         small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
         view="-0.95,1.37,2.01:0.0,0.33,0.14",
         slow=(0.8, 2.4),
@@ -147,7 +138,6 @@ ENTRIES = (
     Entry(
         "ape",
         "A gorilla is thrown up",
-        paper="8",
         small={"vertices": (120, 250), "steps": 60},
         slow=(0.0, 0.6),
         size=(1200, 460),
@@ -156,14 +146,12 @@ ENTRIES = (
     Entry(
         "drop",
         "A bear cub falls on stones",
-        paper="9",
         small={"vertices": (150, 300), "dt": 0.02, "steps": 35},
         slow=(0.25, 0.65),
     ),
     Entry(
         "twist",
         "A bar is twisted and let go",
-        paper="13",
         small={"cuts": ((8, 2), (12, 3)), "release": 0.15, "steps": 40},
         direct=False,
         slow=(0.4, 1.0),
@@ -173,7 +161,6 @@ ENTRIES = (
     Entry(
         "coil",
         "A bar is twisted into a coil",
-        paper="13",
         small={"cuts": ((12, 3), (16, 4)), "speed": 800.0, "steps": 55},
         direct=False,
         slow=(0.5, 0.66),
@@ -183,7 +170,6 @@ ENTRIES = (
     Entry(
         "slit_array",
         "A block of slits",
-        paper="15, 20 and 21",
         settings={"consistency": 0.025},
         small={"vertices": (100, 130), "height": 0.05, "steps": 40},
         size=(840, 430),
@@ -192,13 +178,11 @@ ENTRIES = (
     Entry(
         "roll",
         "A sponge roll",
-        paper="5",
         small={"steps": 12},
         direct=False,
         slow=(0.0, 0.35),
         size=(1000, 460),
         moment=0.3,
-        bound="z=0",
     ),
     Entry(
         "bodies_at_rest",

@@ -1,6 +1,5 @@
 """The measures of `pdvol.measure.metrics` for a stored run, with forces from its scene and P from its meshes."""
 
-import itertools
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -164,20 +163,6 @@ def animation_line(level: RunLevel, names: Sequence[str], centres: np.ndarray, a
     apart = f"{100 * (centres / sizes).max():.1f} % of the size, {angles.max():.1f} degrees from level 0"
     ends = f"another animation ({', '.join(other)})" if other else "same animation"
     return f"level {level.index}: {apart}: {ends}"
-
-
-def distances_from_below(run: Run) -> dict[int, list[float]]:
-    """[m] from each level above 0 to the level below it, prolonged, in every state that both have: root mean squares
-    over the mass. It is the `distance` of `measure_run`, without the forces that take most of the time there.
-    """
-    hierarchy, densities = stored_hierarchy(run), stored_densities(run)
-    found = {}
-    for below, level in itertools.pairwise(run.levels):
-        prolong = hierarchy.prolongation(level.index).prolong
-        masses = lumped_masses(level.mesh, densities[level.index])
-        states = range(min(level.steps, below.steps))
-        found[level.index] = [metrics.distance(level.positions(n), prolong(below.positions(n)), masses) for n in states]
-    return found
 
 
 def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
