@@ -14,7 +14,7 @@ from pdvol.geometry.crossings import counted_edges
 from pdvol.geometry.level_mesh import boundary_facets, connected_parts, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.holes import filled_holes
-from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.meshers import ftetwild
 from pdvol.meshing.validate import FLAT_SIMPLEX, drop_unused, flat_triangles, repeated, simplex_lengths
 from pdvol.meshing.verdict import judge
 from pdvol.meshing.weld import coincident, open_edges
@@ -225,20 +225,12 @@ def _enclosed(surface: Surface, hole: float, envelope: float, name: str, done: l
     points = surface.vertices - surface.vertices.mean(axis=0)
     size = _diagonal(points)
     try:
-        made = run_worker(
-            "tet_worker.py",
-            MESHER_SECONDS,
-            seeded=True,
-            vertices=points / size,
-            triangles=surface.triangles,
-            edge_length=np.array(ENVELOPE_EDGE),
-            epsilon=np.array(envelope),
-        )
-        cells = made["cells"].astype(np.int64)
-        inverted = simplex_volumes(made["points"], cells) < 0
+        made, cells = ftetwild(points / size, surface.triangles, ENVELOPE_EDGE, envelope, MESHER_SECONDS)
+        cells = cells.astype(np.int64)
+        inverted = simplex_volumes(made, cells) < 0
         cells[inverted, :2] = cells[inverted, 1::-1]
         facets = boundary_facets(cells)[0]
-        found, steps = drop_unused(made["points"] * size + surface.vertices.mean(axis=0), facets), list[str]()
+        found, steps = drop_unused(made * size + surface.vertices.mean(axis=0), facets), list[str]()
         enclosed = _surface(*found, hole, steps)
         judge(enclosed, name)
     except InputError as error:
