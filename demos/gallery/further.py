@@ -62,7 +62,8 @@ def binding_panes(entry: Entry, run: Run) -> list[Pane]:
     """
     from mpi4py import MPI
 
-    from pdvol.levels.binding import closest_binding, home_cells
+    from demos.recipes.closest_binding import closest_binding
+    from pdvol.levels.binding import home_cells
     from pdvol.levels.hierarchy import Hierarchy
     from pdvol.runs.scene_file import load_module
 
