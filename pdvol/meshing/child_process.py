@@ -9,6 +9,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe
@@ -20,6 +21,7 @@ from pdvol.meshing.cpu_budget import ProcessFailed, ProcessStopped, Watch
 from pdvol.processes import die_with_parent, limit_processor_time, without_launcher
 
 LOOK = 1.0  # seconds between two looks at a child that works
+KEPT = 10.0  # seconds without a call after which a child takes none, and ends soon: it holds 100 MB of libraries
 _START = "import sys; sys.path[:] = sys.argv[2:]; import pdvol.meshing.child_process as c; c.serve(int(sys.argv[1]))"
 
 
@@ -33,6 +35,7 @@ class Child:
             env["LD_PRELOAD"] = ":".join(filter(None, [str(preload), env.get("LD_PRELOAD")]))
         self._calls, theirs = Pipe()
         with theirs:
+            self._kept_until = time.monotonic() + KEPT
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-c", _START, str(theirs.fileno()), *sys.path],
                 env=env,
@@ -51,7 +54,7 @@ class Child:
     @property
     def alive(self) -> bool:
         """Whether it can take a call."""
-        return self._process.poll() is None
+        return self._process.poll() is None and time.monotonic() < self._kept_until
 
     def call(
         self, who: str, function: Callable, *given: Any, cpu_seconds: float, memory: int | None = None, loads: str = ""
@@ -87,6 +90,7 @@ class Child:
         except BaseException:
             self.end()
             raise
+        self._kept_until = time.monotonic() + KEPT
         if done:
             return answer
         if isinstance(answer, InputError):
@@ -115,12 +119,12 @@ class Child:
 
 
 def serve(file: int) -> None:
-    """In the child: answer the calls that come from a connection, by its file descriptor, until it is closed."""
+    """In the child: answer the calls that come from a connection, by its file descriptor, until it closes or is idle."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     calls, most = Connection(file), resource.getrlimit(resource.RLIMIT_AS)[1]
-    while True:
+    while calls.poll(2.0 * KEPT):
         try:
             folder, function, given, cpu_seconds, memory, loads = calls.recv()
         except EOFError:

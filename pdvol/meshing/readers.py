@@ -32,7 +32,7 @@ BASE_MEMORY = 1000 * 2**20  # memory limit [bytes] for a file of no size: a libr
 MEMORY_PER_BYTE = 60  # memory [bytes] that each byte of the file adds to the limit: text is read into Python objects
 
 _idle: list[Child] = []
-"""Readers that wait for another file: one starts in a third of a second."""
+"""Readers that wait for another file: it takes a third of a second to start one, and more to load a library."""
 
 
 @atexit.register
@@ -55,6 +55,7 @@ def read_in_child_process(path: Path, read: Callable, *given: Any, loads: str = 
     seconds, memory = BASE_SECONDS + size / BYTES_PER_SECOND, int(BASE_MEMORY + MEMORY_PER_BYTE * size)
     child = _idle.pop() if _idle else Child()
     if not child.alive:
+        child.end()
         child = Child()
     try:
         return child.call("its reader", read, path, *given, cpu_seconds=seconds, memory=memory, loads=loads)
