@@ -10,9 +10,10 @@ from mpi4py import MPI
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, meshes
-from pdvol.levels.binding import INSIDE, bind, closest_binding
+from pdvol.levels.binding import INSIDE, bind
 from pdvol.levels.space import LevelSpace
 from pdvol.runs.run_metrics import motion_from_level_0
+from recipes.closest_binding import closest_binding
 
 TURNS = 2.25
 FIRST = 0.06  # m, from the axis to the middle of the inner end

@@ -21,13 +21,12 @@ def die_with_parent() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def limit_processor_time(seconds: float, grace: int = 1) -> None:
-    """In the child: SIGXCPU after so many seconds [s] of processor time, SIGKILL `grace` seconds later; both earlier
-    where its parent's limit is lower, which a user may not raise.
+def limit_processor_time(seconds: float) -> None:
+    """In the child: SIGXCPU after so many more seconds [s] of processor time, but not beyond the parent's hard limit,
+    which a user may not raise.
     """
-    soft, hard = max(math.ceil(seconds), 1), resource.getrlimit(resource.RLIMIT_CPU)[1]
-    most = soft + grace if hard == resource.RLIM_INFINITY else min(soft + grace, hard)
-    resource.setrlimit(resource.RLIMIT_CPU, (min(soft, most), most))
+    soft, hard = math.ceil(time.process_time() + seconds), resource.getrlimit(resource.RLIMIT_CPU)[1]
+    resource.setrlimit(resource.RLIMIT_CPU, (soft if hard == resource.RLIM_INFINITY else min(soft, hard), hard))
 
 
 def give_memory_back() -> None:

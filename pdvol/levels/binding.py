@@ -1,6 +1,5 @@
 """The home cell of every point of one level in another, and its barycentric coordinates there (paper 3.3.2, 3.3.3)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +9,8 @@ from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import LevelMesh, simplex_centres
 from pdvol.levels.geodesic import CLOSEST, INSIDE, ISLAND, NEIGHBOUR, RAY, bind_outside
 from pdvol.levels.islands import rebind_islands
-from pdvol.levels.locate import behind_nearest_facets, containing_cells
+from pdvol.levels.locate import containing_cells
 from pdvol.levels.space import LevelSpace
-
-OutsideRule = Callable[[LevelMesh, LevelMesh, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""A function (target, source, home cells with -1 outside) that completes the cells, and gives the kinds (n,) of all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +22,7 @@ class Binding:
     cells : (n,) int64
         Input index of the home cell.
     kind : (n,) int8
-        INSIDE, RAY, NEIGHBOUR, ISLAND (`islands.py`), or CLOSEST: an orphan in `bind`, any point outside in
-        `closest_binding`.
+        INSIDE, RAY, NEIGHBOUR, ISLAND (`islands.py`), or CLOSEST: an orphan.
     weights : (n, d + 1) float64
         Barycentric coordinates in the home cell; rows sum to one, entries of points outside are partly negative.
     """
@@ -67,12 +62,15 @@ def bind(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
     MeshError
         When `source` lacks a body of `target`, or the dimensions differ; on all ranks, before any communication.
     """
-    return _bind(target, source, _geodesic)
-
-
-def closest_binding(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
-    """As `bind`, but points outside go to the Euclidean-closest cell of their body: the naive baseline. Collective."""
-    return _bind(target, source, _closest_outside)
+    target = target.mesh if isinstance(target, LevelSpace) else target
+    mesh = source.mesh
+    _check(target, mesh)
+    cells = containing_cells(target.points, target.point_bodies, source)
+    # One rank computes it for all: arithmetic on two machines may differ in the last digit, and bindings with it.
+    own = source.comm.rank == 0
+    found = rebind_islands(target, mesh, *bind_outside(target, mesh, cells)) if own else None
+    cells, kind = source.comm.bcast(found)
+    return Binding(cells, kind, mesh.coordinates(cells, target.points))
 
 
 def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.ndarray:
@@ -93,25 +91,6 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     return homes
 
 
-def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: OutsideRule) -> Binding:
-    target = target.mesh if isinstance(target, LevelSpace) else target
-    mesh = source.mesh
-    _check(target, mesh)
-    cells = containing_cells(target.points, target.point_bodies, source)
-    # One rank computes it for all: arithmetic on two machines may differ in the last digit, and bindings with it.
-    cells, kind = source.comm.bcast(outside_rule(target, mesh, cells) if source.comm.rank == 0 else None)
-    return Binding(cells, kind, mesh.coordinates(cells, target.points))
-
-
-def _geodesic(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return rebind_islands(target, source, *bind_outside(target, source, cells))
-
-
-def _closest_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    kind = np.where(cells < 0, CLOSEST, INSIDE).astype(np.int8)
-    return behind_nearest_facets(source, target.points, target.point_bodies, cells)[0], kind
-
-
 def _check(target: LevelMesh, source: LevelMesh) -> None:
     if target.dim != source.dim:
         raise MeshError(f"cannot bind a {target.dim}D level to a {source.dim}D level")
@@ -122,4 +101,4 @@ def _check(target: LevelMesh, source: LevelMesh) -> None:
         )
 
 
-__all__ = ["CLOSEST", "INSIDE", "ISLAND", "NEIGHBOUR", "RAY", "Binding", "bind", "closest_binding", "home_cells"]
+__all__ = ["CLOSEST", "INSIDE", "ISLAND", "NEIGHBOUR", "RAY", "Binding", "bind", "home_cells"]

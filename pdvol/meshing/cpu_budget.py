@@ -1,10 +1,10 @@
 """Processor time that all work on a command's meshes shares: reading, checks, decimation, and processes of meshers.
 
-Work in this process asks `check_budget` between its steps; a process that it waits for is looked at once a second by a
-`Watch`. Running out of time is always an error. No result depends on how much is left.
+Work in this process asks `check_budget` between its steps; a `Watch` looks at a child that it waits for once a second.
+Running out of time is always an error. No result depends on how much is left.
 """
 
-import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -21,8 +21,12 @@ IDLE_LOOKS = 120
 """Looks, one a second, after which a process that sleeps and uses no processor is ended."""
 
 
-class ProcessStopped(MeshError):
-    """A process ran out of processor time, or waited without end: it is not tried again."""
+class ProcessFailed(MeshError):
+    """A process crashed, or failed for a reason of the library that works in it."""
+
+
+class ProcessStopped(ProcessFailed):
+    """A process ran out of processor time or memory, or waited without end: it is not tried again."""
 
 
 class BudgetSpent(ProcessStopped):
@@ -30,12 +34,15 @@ class BudgetSpent(ProcessStopped):
 
 
 _ends: list[tuple[float, float]] = []
-"""Of the budget in force: processor time [s] of this process and its children at which it ends, and its length [s]."""
+"""Of the budget in force: `_used()` [s] at which it ends, and its length [s]."""
+_watches: set["Watch"] = set()
+_ended_children = 0.0  # processor time [s] of calls in children that are over
 
 
 @contextmanager
 def cpu_budget(vertices: int = 0, seconds: float | None = None) -> Iterator[None]:
-    """Within the block, all processes together may use `seconds` [s], by default those for meshes of `vertices`.
+    """Within the block, this process and the calls in its children may use `seconds` [s] together, by default those for
+    meshes of `vertices`.
 
     A block inside another one belongs to the outer one's budget.
     """
@@ -43,7 +50,7 @@ def cpu_budget(vertices: int = 0, seconds: float | None = None) -> Iterator[None
         yield
         return
     length = INPUT_SECONDS + SECONDS_PER_VERTEX * vertices if seconds is None else seconds
-    _ends.append((processor_use(os.getpid())[0] + length, length))
+    _ends.append((_used() + length, length))
     try:
         yield
     finally:
@@ -52,32 +59,51 @@ def cpu_budget(vertices: int = 0, seconds: float | None = None) -> Iterator[None
 
 def check_budget(name: str) -> None:
     """Raise BudgetSpent where the budget in force is used up; `name` begins the message."""
-    if _spent():
-        raise BudgetSpent(f"{name}: {_words()}")
+    if _ends and _used() > _ends[0][0]:
+        raise BudgetSpent(
+            f"{name}: not done within the {_ends[0][1]:g} s of processor time that the meshes may use; give a"
+            " smaller or cleaner one"
+        )
 
 
-def _spent() -> bool:
-    return bool(_ends) and processor_use(os.getpid())[0] > _ends[0][0]
-
-
-def _words() -> str:
-    length = _ends[0][1] if _ends else 0.0
-    return f"not done within the {length:g} s of processor time that the meshes may use; give a smaller or cleaner one"
+def _used() -> float:
+    """Processor time [s] of this process and of the calls in its children."""
+    return time.process_time() + _ended_children + sum(watch.used for watch in tuple(_watches))
 
 
 class Watch:
-    """Looks at a child process: whether it may go on."""
+    """Looks at a child process during one call.
+
+    Attributes
+    ----------
+    used : processor time [s] of the call, at the last look
+    """
 
     def __init__(self, process: int):
-        self.process, self.idle, self.before = process, 0, -1.0
-        self.spent = False
+        self.process, self.idle, self.used = process, 0, 0.0
+        self._before = processor_use(process)[0]
 
-    def reason_to_end(self) -> str:
-        """Why the process must end now, in words; empty while it may go on. To be called once a second."""
-        if _spent():
-            self.spent = True
-            return _words()
+    def __enter__(self) -> "Watch":
+        _watches.add(self)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        global _ended_children
+        self._look()
+        _watches.discard(self)
+        _ended_children += self.used
+
+    def check(self, who: str) -> None:
+        """Raise ProcessStopped where the process must end now; `who` begins the message. To be called once a second."""
+        before = self.used
+        sleeps = self._look()
+        check_budget(who)
+        self.idle = self.idle + 1 if sleeps and self.used == before else 0
+        if self.idle > IDLE_LOOKS:
+            raise ProcessStopped(f"{who} waits for something that never comes")
+
+    def _look(self) -> bool:
+        """Whether the process sleeps."""
         used, sleeps = processor_use(self.process)
-        self.idle = self.idle + 1 if sleeps and used == self.before else 0
-        self.before = used
-        return "waits for something that never comes" if self.idle > IDLE_LOOKS else ""
+        self.used = max(self.used, used - self._before)  # no less where it has ended
+        return sleeps

@@ -117,10 +117,7 @@ def _negative_counts(path: Path, suffix: str) -> Iterator[str]:
 
 
 def promised_faces(path: Path) -> int | None:
-    """Faces that the header of a PLY or OFF file promises; None where it does not say so."""
+    """Faces that the header of a PLY file promises; None where it does not say so."""
     with path.open("rb") as file:
-        start = file.read(START)
-    found = re.search(
-        rb"element\s+face\s+(\d+)" if path.suffix.lower() == ".ply" else rb"\AOFF\s+(?:#[^\n]*\s+)*\d+\s+(\d+)", start
-    )
+        found = re.search(rb"element\s+face\s+(\d+)", file.read(START))
     return int(found.group(1)) if found else None

@@ -1,8 +1,7 @@
 """Polygons cut into triangles that use all their corners, also those that lie on a straight edge.
 
-Libraries that cut ears (mapbox_earcut) leave such corners out, and the surface is then open there. Here a fan is taken
-where all its triangles have an area. Else the worst triangle is made as good as it can be, by the recurrence over the
-polygon's chords. Triangles of positive area whose sides are the polygon's cover it without overlap.
+Most libraries that cut ears (mapbox_earcut) leave such corners out, and the surface is then open there; VTK does not.
+A fan is taken where all its triangles have an area.
 """
 
 from collections.abc import Sequence
@@ -10,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 MOST_CORNERS = 200
-"""Corners of a polygon that are cut by the recurrence; its time grows with their square, 0.9 s for so many."""
+"""Corners of a polygon that is no fan; the time to cut its ears grows with their square."""
 SMALL_AREA = 1e-9
 """Area, relative to the square of the longest side, below which a fan's triangle counts as flat."""
 
@@ -53,9 +52,9 @@ def cut_polygons(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
     for k in np.flatnonzero(broken):
         if corners > MOST_CORNERS:
             raise ValueError(f"a polygon of {corners} corners is not convex, cut the mesh into triangles before")
-        best = _best(_flattened(place[k], normals[k] / lengths[k]))
-        if best is not None:
-            fans[k] = polygons[k][best]
+        ears = _ears_cut(place[k] / longest[k])
+        if ears is not None:
+            fans[k] = polygons[k][ears]
     return fans
 
 
@@ -71,37 +70,17 @@ def cut_faces(points: np.ndarray, faces: Sequence[Sequence[int]]) -> np.ndarray:
     return np.concatenate(cut) if cut else np.empty((0, 3), dtype=np.int64)
 
 
-def _flattened(place: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Corners (c, 3) in the plane across a unit normal, (c, 2), anticlockwise."""
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    first /= np.linalg.norm(first)
-    return np.column_stack([place @ first, place @ np.cross(normal, first)])
+def _ears_cut(place: np.ndarray) -> np.ndarray | None:
+    """Triangles (c - 2, 3) of a polygon with corners (c, 3); None where VTK cuts none."""
+    from vtkmodules.vtkCommonCore import vtkIdList  # takes longer than most files, which have no such polygons
+    from vtkmodules.vtkCommonDataModel import vtkPolygon
 
-
-def _best(p: np.ndarray) -> np.ndarray | None:
-    """Triangles (c - 2, 3) of a polygon (c, 2) whose worst one is as good as can be; None where one must be flat."""
-    n = len(p)
-    worth, split = np.full((n, n), -np.inf), np.zeros((n, n), dtype=np.int64)
-    worth[np.arange(n - 1), np.arange(1, n)] = np.inf
-    for span in range(2, n):
-        starts = np.arange(n - span)
-        ends = starts + span
-        for step in range(1, span):
-            middles = starts + step
-            a, b, c = p[middles] - p[starts], p[ends] - p[middles], p[starts] - p[ends]
-            area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-            quality = area / np.maximum((a**2 + b**2 + c**2).sum(axis=1), np.finfo(float).tiny)
-            found = np.minimum(np.minimum(worth[starts, middles], worth[middles, ends]), quality)
-            better = found > worth[starts, ends]
-            worth[starts[better], ends[better]] = found[better]
-            split[starts[better], ends[better]] = middles[better]
-    if worth[0, n - 1] <= SMALL_AREA:
+    polygon, found = vtkPolygon(), vtkIdList()
+    polygon.GetPoints().SetDataTypeToDouble()
+    for number, corner in enumerate(place):
+        polygon.GetPointIds().InsertNextId(number)
+        polygon.GetPoints().InsertNextPoint(corner)
+    if not polygon.EarCutTriangulation(found, vtkPolygon.DOT_PRODUCT):
         return None
-    triangles, chords = [], [(0, n - 1)]
-    while chords:
-        i, j = chords.pop()
-        if j - i > 1:
-            k = int(split[i, j])
-            triangles.append((i, k, j))
-            chords += [(i, k), (k, j)]
-    return np.array(triangles)
+    triangles = np.array([found.GetId(k) for k in range(found.GetNumberOfIds())], dtype=np.int64).reshape(-1, 3)
+    return triangles if len(triangles) == len(place) - 2 else None

@@ -10,9 +10,8 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import RenderSurface, Solid, Surface
-from pdvol.meshing.reader_process import read_in_child_process
-from pdvol.meshing.readers import SURFACES, read_shape
-from pdvol.meshing.surface_files import parse_obj
+from pdvol.meshing.readers import read_in_child_process, read_shape
+from pdvol.meshing.surface_files import SURFACES, first_that_reads, parse_obj
 
 PICTURES = (".png", ".jpg", ".jpeg")
 """Kinds of textures: what all importers of USD and OBJ read."""
@@ -76,9 +75,7 @@ def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
 
 
 def _obj(path: Path) -> tuple[RenderSurface, str]:
-    read = read_in_child_process(path, _parse)
-    surface = RenderSurface(read["points"], read["counts"], read["corners"], read["uvs"], read["uv_corners"])
-    pictures = [str(picture) for picture in read["pictures"]]
+    surface, pictures = read_in_child_process(path, _textured_obj)
     if len(pictures) > 1:
         names = ", ".join(Path(picture).name for picture in pictures)
         raise InputError(
@@ -88,31 +85,31 @@ def _obj(path: Path) -> tuple[RenderSurface, str]:
     return surface, pictures[0] if pictures else ""
 
 
-def _parse(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of an OBJ file, in a child process."""
-    try:
-        found = parse_obj(path)
-        textured = any(any(words) for words, _ in found.textures)
-        uvs = [(float(words[0]), float(words[1])) for words in found.uvs] if textured else []
-        bare = len(uvs)  # corners without a place in the texture get its corner, (0, 0)
-        uv_corners = [
-            _place(int(word), before, bare) if word else bare
-            for words, before in (found.textures if textured else ())
-            for word in words
-        ]
-        if textured and not all(all(words) for words, _ in found.textures):
-            uvs.append((0.0, 0.0))
-    except (ValueError, IndexError) as error:
-        reason = " ".join(str(error).split())[:160]
-        raise MeshError(f"{path}: unreadable or truncated ({reason}); export the mesh again") from error
-    return {
-        "points": np.array(found.points, dtype=np.float64).reshape(-1, 3),
-        "counts": np.array([len(face) for face in found.faces], dtype=np.int64),
-        "corners": np.array([i for face in found.faces for i in face], dtype=np.int64),
-        "uvs": np.array(uvs, dtype=np.float64).reshape(-1, 2),
-        "uv_corners": np.array(uv_corners, dtype=np.int64),
-        "pictures": np.array(_pictures(path, found.libraries, found.materials), dtype=str),
-    }
+def _textured_obj(path: Path) -> tuple[RenderSurface, list[str]]:
+    """The surface of an OBJ file and its pictures, in a child process."""
+    return first_that_reads(path, _parsed)
+
+
+def _parsed(path: Path) -> tuple[RenderSurface, list[str]]:
+    found = parse_obj(path)
+    textured = any(any(words) for words, _ in found.textures)
+    uvs = [(float(words[0]), float(words[1])) for words in found.uvs] if textured else []
+    bare = len(uvs)  # corners without a place in the texture get its corner, (0, 0)
+    uv_corners = [
+        _place(int(word), before, bare) if word else bare
+        for words, before in (found.textures if textured else ())
+        for word in words
+    ]
+    if textured and not all(all(words) for words, _ in found.textures):
+        uvs.append((0.0, 0.0))
+    surface = RenderSurface(
+        np.array(found.points, dtype=np.float64).reshape(-1, 3),
+        np.array([len(face) for face in found.faces], dtype=np.int64),
+        np.array([i for face in found.faces for i in face], dtype=np.int64),
+        np.array(uvs, dtype=np.float64).reshape(-1, 2),
+        np.array(uv_corners, dtype=np.int64),
+    )
+    return surface, _pictures(path, found.libraries, found.materials)
 
 
 def _place(number: int, before: int, count: int) -> int:

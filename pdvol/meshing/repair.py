@@ -10,12 +10,20 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
-from pdvol.geometry.crossings import counted_edges
-from pdvol.geometry.level_mesh import boundary_facets, connected_parts, simplex_volumes
+from pdvol.geometry.crossings import edges_of
+from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.holes import filled_holes
-from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.validate import FLAT_SIMPLEX, drop_unused, flat_triangles, repeated, simplex_lengths
+from pdvol.meshing.meshers import ftetwild
+from pdvol.meshing.validate import (
+    FLAT_SIMPLEX,
+    drop_unused,
+    flat_triangles,
+    repeated,
+    shells,
+    shells_around,
+    simplex_lengths,
+)
 from pdvol.meshing.verdict import judge
 from pdvol.meshing.weld import coincident, open_edges
 
@@ -162,53 +170,29 @@ def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
 
 def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Vertices in which parts meet that are not joined by an edge of two triangles, split and moved into each part."""
-    edges, _, counts = counted_edges(triangles)
-    pinched = np.intersect1d(np.flatnonzero(~np.asarray(igl.is_vertex_manifold(triangles))), triangles)
-    pinched = np.union1d(pinched, edges[counts > 2])
-    triangles = triangles.copy()
-    added: list[np.ndarray] = []
-    for v in pinched:
-        fan = np.flatnonzero((triangles == v).any(axis=1))
-        part = _parts_around(triangles[fan], v)
-        names = np.unique(part)
-        for number in names if len(names) > 1 else []:
-            mine = fan[part == number]
-            ring = np.setdiff1d(triangles[mine], [v])
-            around = np.array([added[r - len(points)] if r >= len(points) else points[r] for r in ring])
-            place = points[v] + PARTED * (around.mean(axis=0) - points[v])
-            triangles[mine] = np.where(triangles[mine] == v, len(points) + len(added), triangles[mine])
-            added.append(place)
-    if not added:
+    split, source = igl.split_nonmanifold(np.ascontiguousarray(triangles))
+    copies = np.flatnonzero(np.bincount(source)[source] > 1)
+    if not len(copies):
         return points, triangles
-    _say(done, len(added), "{} vertices made of those in which parts met")
-    return drop_unused(np.vstack([points, added]), triangles)
-
-
-def _parts_around(fan: np.ndarray, v: int) -> np.ndarray:
-    """(k,) which triangles at a vertex hang together by edges through it that belong to two of them."""
-    part = np.arange(len(fan))
-    for other in np.setdiff1d(fan, [v]):
-        at = np.flatnonzero((fan == other).any(axis=1))
-        if len(at) == 2:
-            part[part == part[at[0]]] = part[at[1]]
-    return part
+    _say(done, len(copies), "{} vertices made of those in which parts met")
+    places, edges = points[source], edges_of(split)
+    middles = np.zeros_like(places)
+    for one, other in (edges.T, edges.T[::-1]):
+        np.add.at(middles, one, places[other])
+    middles /= np.bincount(edges.ravel(), minlength=len(places))[:, None]
+    places[copies] += PARTED * (middles - places)[copies]
+    return places, split
 
 
 def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:
     """Closed shells turned outward; those inside others inward, as cavities."""
     if len(open_edges(triangles)):
         return triangles
-    owner = connected_parts(triangles, len(points))[triangles[:, 0]]
+    owner, first = shells(points, triangles)
     triangles, turned = triangles.copy(), 0
-    for shell in np.unique(owner):
-        mine, rest = owner == shell, owner != shell
-        corner = points[triangles[mine][0, 0]]
-        volume = enclosed_volume(points, triangles[mine])
-        deep = 0
-        for other in np.unique(owner[rest]):
-            own = np.ascontiguousarray(triangles[owner == other])
-            deep += int(abs(igl.winding_number(points, own, corner[None])[0]) > 0.5)
-        if (volume < 0) != bool(deep % 2):
+    for shell, depth in enumerate(np.abs(shells_around(points, triangles, owner, first)).sum(axis=1)):
+        mine = owner == shell
+        if (enclosed_volume(points, triangles[mine]) < 0) != bool(depth % 2):
             triangles[mine] = triangles[mine][:, ::-1]
             turned += 1
     _say(done, turned, "{} shells turned inside out")
@@ -225,20 +209,12 @@ def _enclosed(surface: Surface, hole: float, envelope: float, name: str, done: l
     points = surface.vertices - surface.vertices.mean(axis=0)
     size = _diagonal(points)
     try:
-        made = run_worker(
-            "tet_worker.py",
-            MESHER_SECONDS,
-            seeded=True,
-            vertices=points / size,
-            triangles=surface.triangles,
-            edge_length=np.array(ENVELOPE_EDGE),
-            epsilon=np.array(envelope),
-        )
-        cells = made["cells"].astype(np.int64)
-        inverted = simplex_volumes(made["points"], cells) < 0
+        made, cells = ftetwild(points / size, surface.triangles, ENVELOPE_EDGE, envelope, MESHER_SECONDS)
+        cells = cells.astype(np.int64)
+        inverted = simplex_volumes(made, cells) < 0
         cells[inverted, :2] = cells[inverted, 1::-1]
         facets = boundary_facets(cells)[0]
-        found, steps = drop_unused(made["points"] * size + surface.vertices.mean(axis=0), facets), list[str]()
+        found, steps = drop_unused(made * size + surface.vertices.mean(axis=0), facets), list[str]()
         enclosed = _surface(*found, hole, steps)
         judge(enclosed, name)
     except InputError as error:

@@ -1,20 +1,65 @@
 """Triangles from files of surfaces, and from the blocks of meshio; polygons are cut."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from pdvol.errors import InputError
+from pdvol.errors import InputError, MeshError
+from pdvol.meshes import Surface
 from pdvol.meshing.file_kinds import promised_faces
 from pdvol.meshing.polygons import cut_faces, cut_polygons
 
 if TYPE_CHECKING:
     import meshio
 
+SURFACES = (".obj", ".ply", ".off", ".stl")
 QUADRATIC = {"triangle6": 3, "tetra10": 4}
 """Quadratic cells, and how many of their nodes are corners; these come first."""
+
+
+Result = TypeVar("Result")
+
+
+def read_surface(path: Path) -> tuple[Surface, list[str]]:
+    """The triangles of a file of `SURFACES`, in a child process; there are no notes.
+
+    Raises
+    ------
+    MeshError
+        It is unreadable, truncated, or holds no triangles.
+    """
+    points, triangles = first_that_reads(path, {".obj": read_obj, ".off": _off}.get(path.suffix.lower(), _ply_or_stl))
+    if len(triangles) == 0:
+        raise MeshError(f"{path}: holds no triangles; export a triangle surface")
+    return Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles)), []
+
+
+def first_that_reads(path: Path, *readers: Callable[[Path], Result]) -> Result:
+    """The result of the first reader that succeeds; if all fail, a MeshError states the first reason."""
+    reasons = []
+    for reader in readers:
+        try:
+            return reader(path)
+        except MemoryError:
+            raise
+        # The libraries raise whatever they like, and meshio calls sys.exit.
+        except (Exception, SystemExit) as error:
+            if isinstance(error, MeshError) and str(error).startswith(str(path)):  # what is wrong is known
+                raise
+            reasons.append(" ".join(str(error).split()) if not isinstance(error, SystemExit) else "")
+    reason = next((r for r in reasons if r), "its contents do not fit its extension")
+    raise MeshError(f"{path}: unreadable or truncated ({reason[:160]}); export the mesh again")
+
+
+def indices(path: Path, cells: np.ndarray) -> np.ndarray:
+    """The cells as int32, after a check that all indices fit: numpy would wrap larger ones silently."""
+    cells = np.asarray(cells)
+    if cells.size and (cells.min() < -(2**31) or cells.max() >= 2**31):
+        raise MeshError(f"{path}: cells use vertices beyond number {2**31 - 1:,}; export the mesh again")
+    return np.ascontiguousarray(cells, dtype=np.int32)
 
 
 @dataclass
@@ -91,23 +136,24 @@ def named_obj(file: str | Path, whose: str) -> tuple[Path, np.ndarray, np.ndarra
         raise InputError(f"{path}: unreadable ({' '.join(str(error).split())}); export the OBJ again") from error
 
 
-def with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) and triangles of a PLY, OFF or STL file; polygons, which trimesh cuts in fans, by other readers."""
+def _ply_or_stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     mesh = trimesh.load_mesh(path, process=False)
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if path.suffix.lower() == ".stl":  # every triangle brings its own corners
         points, index = np.unique(points, axis=0, return_inverse=True)
-        triangles = index.ravel()[triangles]
-    promised = promised_faces(path) if path.suffix.lower() in (".ply", ".off") else None
+        return points, index.ravel()[triangles]
+    promised = promised_faces(path)
     if promised is not None and promised < len(triangles):  # polygons, which trimesh has cut in fans
-        return read_off(path) if path.suffix.lower() == ".off" else _polygons_of_ply(path)
+        import meshio
+
+        polygons = meshio.read(path)
+        return np.asarray(polygons.points), triangles_of(polygons)[0]
     return points, triangles
 
 
-def read_off(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """An OFF file of polygons."""
+def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
     lines = (line.partition("#")[0].split() for line in path.read_text(errors="replace").splitlines())
     words = [line for line in lines if line]
     header = words.pop(0)[1:] or words.pop(0)
@@ -119,14 +165,6 @@ def read_off(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if any(not 0 <= c < n for face in faces for c in face):
         raise IndexError(f"a face has an index beyond the {n} vertices")
     return points, cut_faces(points, faces)
-
-
-def _polygons_of_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """A PLY file of polygons, whose header is whole."""
-    import meshio
-
-    mesh = meshio.read(path)
-    return np.asarray(mesh.points), triangles_of(mesh)[0]
 
 
 def triangles_of(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:

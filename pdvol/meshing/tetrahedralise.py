@@ -23,7 +23,7 @@ from pdvol.meshing.edge_length import (
     expected_vertices,
     mesh_of_target_size,
 )
-from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.meshers import ftetwild
 from pdvol.meshing.subdivide import split_longest_edges
 from pdvol.meshing.validate import check_surface, drop_unused
 from pdvol.meshing.volume import with_volume
@@ -154,17 +154,9 @@ def _unit_mesh(surface: Surface, target: int, name: str, volume: float) -> Sized
         else:
             width *= 0.5  # all of the distance from the input is then the envelope's
         # Parts closer than two envelopes merge: after each failure the envelope is half as wide.
-        epsilon = width * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0))
-        made = run_worker(
-            "tet_worker.py",
-            cpu_seconds,
-            seeded=True,
-            edge_length=np.array(scale * longer * h),
-            epsilon=np.array(epsilon),
-            vertices=coarse.vertices,
-            triangles=coarse.triangles,
-        )
-        points, cells = _oriented(made["points"], made["cells"], name)
+        epsilon = float(width * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0)))
+        made = ftetwild(coarse.vertices, coarse.triangles, scale * longer * h, epsilon, cpu_seconds)
+        points, cells = _oriented(*made, name)
         refused = MeshError(name)
         for moved in with_volume(points, cells, volume):
             try:

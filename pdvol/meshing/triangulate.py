@@ -13,7 +13,7 @@ from pdvol.meshing.edge_length import (
     edge_length,
     mesh_of_target_size,
 )
-from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.meshers import gmsh_triangles
 from pdvol.meshing.validate import drop_unused, outline_edges, signed_area
 from pdvol.meshing.volume import with_volume
 
@@ -49,15 +49,9 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
 
     def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
         sampled = _resampled(loops, scale * h * 0.8**failures, name)
-        made = run_worker(
-            "gmsh_worker.py",
-            cpu_seconds,
-            points=np.concatenate(sampled),
-            starts=np.cumsum([0, *(len(loop) for loop in sampled)]),
-            parents=parents,
-            edge_length=np.array(scale * h),
-        )
-        points, cells = drop_unused(made["points"], made["cells"])
+        starts = np.cumsum([0, *(len(loop) for loop in sampled)])
+        made = gmsh_triangles(np.concatenate(sampled), starts, parents, scale * h, cpu_seconds)
+        points, cells = drop_unused(*made)
         negative = simplex_volumes(points, cells) < 0
         cells[negative] = cells[negative][:, [1, 0, 2]]
         for moved in with_volume(points, cells, content):

@@ -183,24 +183,34 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
     return Surface(points, np.ascontiguousarray(triangles, dtype=np.int32))
 
 
+def shells(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) the shell 0 ... k - 1 of each triangle, and (k,) the first triangle of each shell."""
+    _, first, owner = np.unique(
+        connected_parts(triangles, len(points))[triangles[:, 0]], return_index=True, return_inverse=True
+    )
+    return owner.ravel(), first
+
+
+def shells_around(points: np.ndarray, triangles: np.ndarray, owner: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """(k, k) the winding number of each shell (column) about the first corner of each other one (row)."""
+    places, found = points[triangles[first, 0]], np.zeros((len(first), len(first)))
+    for shell in range(len(first)):
+        mine = triangles[owner == shell]
+        low, high = points[mine].min(axis=(0, 1)), points[mine].max(axis=(0, 1))
+        inside = np.flatnonzero(((places > low) & (places < high)).all(axis=1) & (np.arange(len(first)) != shell))
+        if len(inside):
+            corners, local = drop_unused(points, mine)
+            found[inside, shell] = np.round(igl.winding_number(corners, local, np.ascontiguousarray(places[inside])))
+    return found
+
+
 def check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
     """Raise IntersectionError where a shell lies inside another one and is no cavity of it, or bounds no body."""
-    owner = connected_parts(triangles, len(points))[triangles[:, 0]]
-    names, first = np.unique(owner, return_index=True)
-    if not 1 < len(names) <= MOST_SHELLS:
+    owner, first = shells(points, triangles)
+    if not 1 < len(first) <= MOST_SHELLS:
         return
-    places = points[triangles[first, 0]]
-    around = np.zeros(len(names))
-    for shell in names:
-        mine, others = triangles[owner == shell], np.flatnonzero(names != shell)
-        low, high = points[mine].min(axis=(0, 1)), points[mine].max(axis=(0, 1))
-        inside = others[((places[others] > low) & (places[others] < high)).all(axis=1)]
-        if len(inside):
-            corners = np.unique(mine)
-            local = np.searchsorted(corners, mine)
-            winding = igl.winding_number(points[corners], local, np.ascontiguousarray(places[inside]))
-            around[inside] += np.round(winding)
-    for shell, start, deep in zip(names, first, around, strict=True):
+    around = shells_around(points, triangles, owner, first).sum(axis=1)
+    for shell, (start, deep) in enumerate(zip(first, around, strict=True)):
         if deep != (enclosed_volume(points, triangles[owner == shell]) < 0.0):
             vertex = int(triangles[start, 0])
             what = (

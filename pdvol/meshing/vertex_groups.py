@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -63,7 +64,9 @@ class VertexGroup:
         vertices, triangles, weights = self._arrays
         if self.filled:
             nearest, places = nearest_points(vertices, triangles, X)
-            shares = _shares(vertices[triangles[nearest]], places)
+            corners = (np.ascontiguousarray(corner) for corner in vertices[triangles[nearest]].transpose(1, 0, 2))
+            shares = igl.barycentric_coordinates(np.ascontiguousarray(places), *corners)
+            shares = np.where(np.isfinite(shares), shares, 1.0 / 3.0)  # of a triangle without area
             return (shares * weights[triangles[nearest]]).sum(axis=1) >= MARKED
         marked = weights >= MARKED
         reach = self.reach * float(np.linalg.norm(np.ptp(vertices, axis=0)))
@@ -118,14 +121,3 @@ def _marked_points(vertices: np.ndarray, triangles: np.ndarray, marked: np.ndarr
         inner = int(np.linalg.norm(b - a) / spacing)
         found.append(a + (b - a) * np.linspace(0.0, 1.0, inner + 2)[1:-1, None])
     return np.concatenate(found)
-
-
-def _shares(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (n, 3) of points (n, 3) on triangles (n, 3, 3); of one without area by its edges."""
-    a, b, c = corners.transpose(1, 0, 2)
-    areas = [np.linalg.norm(np.cross(q - p, places - p), axis=1) for p, q in ((b, c), (c, a), (a, b))]
-    total = np.sum(areas, axis=0)
-    flat = total <= 0.0
-    shares = np.column_stack(areas)
-    shares[flat] = 1.0
-    return shares / shares.sum(axis=1, keepdims=True)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from demos.recipes.closest_binding import closest_binding
 from on_ranks import results_on
 from pdvol.errors import MeshError
 from pdvol.geometry.boundary_search import BoundarySearch
-from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
+from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind
 from pdvol.levels.geodesic import bind_outside
 from pdvol.levels.locate import containing_cells
 from pdvol.levels.prolongation import Prolongation

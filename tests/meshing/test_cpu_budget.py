@@ -9,20 +9,23 @@ import pytest
 
 from pdvol import meshes
 from pdvol.errors import InputError
-from pdvol.meshing import cpu_budget, mesher_process, reader_process
+from pdvol.meshing import cpu_budget
+from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch, check_budget
-from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.readers import read_in_child_process
 from pdvol.processes import processor_use
 from pdvol.runs.mending import mend_file
 from pdvol.runs.mesh_hierarchy import write_hierarchy
 from pdvol.runs.preflight import check_meshes
 
 
-def worker(folder, text, monkeypatch):
-    """A mesher of a given text, which `run_worker` finds."""
-    (folder / "worker.py").write_text(text)
-    monkeypatch.setattr(mesher_process, "__file__", str(folder / "mesher_process.py"))
-    return "worker.py"
+def endless(*_given) -> None:
+    while True:
+        pass
+
+
+def asleep() -> None:
+    time.sleep(1e6)
 
 
 def burn(seconds: float) -> None:
@@ -42,24 +45,22 @@ def large_file(tmp_path_factory):
     return path
 
 
-def test_a_mesher_ends_with_the_budget_of_its_command(tmp_path, monkeypatch):
-    endless = worker(tmp_path, "while True: pass", monkeypatch)
+def test_a_mesher_ends_with_the_budget_of_its_command():
     before = time.process_time()
     with pytest.raises(BudgetSpent, match="not done within the 0.5 s of processor time") as caught:
-        with cpu_budget.cpu_budget(seconds=0.5):
-            run_worker(endless, 60.0)
+        with cpu_budget.cpu_budget(seconds=0.5), Child() as child:
+            child.call("mesher", endless, cpu_seconds=60.0)
     assert "\n" not in str(caught.value)
     assert time.process_time() - before < 0.5, "it was the child's time"
 
 
-def test_a_mesher_that_waits_for_ever_is_ended(tmp_path, monkeypatch):
+def test_a_mesher_that_waits_for_ever_is_ended(monkeypatch):
     monkeypatch.setattr(cpu_budget, "IDLE_LOOKS", 2)
-    asleep = worker(tmp_path, "import time\ntime.sleep(1e6)", monkeypatch)
-    with pytest.raises(ProcessStopped, match="worker waits for something that never comes"):
-        run_worker(asleep, 60.0)
+    with Child() as child, pytest.raises(ProcessStopped, match="mesher waits for something that never comes"):
+        child.call("mesher", asleep, cpu_seconds=60.0)
 
 
-def test_this_process_and_its_ended_children_count():
+def test_this_process_and_calls_that_have_ended_count():
     with cpu_budget.cpu_budget(seconds=0.4):
         check_budget("mesh")
         with cpu_budget.cpu_budget(seconds=100.0):  # belongs to the outer one
@@ -69,7 +70,9 @@ def test_this_process_and_its_ended_children_count():
     check_budget("mesh")  # no budget is in force
     with cpu_budget.cpu_budget(seconds=0.4):
         subprocess.run([sys.executable, "-c", "import time\nwhile time.process_time() < 0.5: pass"], check=True)
-        with pytest.raises(BudgetSpent):
+        check_budget("mesh")  # a child of another kind
+        with pytest.raises(BudgetSpent), Child() as child:
+            child.call("mesher", burn, 0.5, cpu_seconds=60.0)
             check_budget("mesh")
 
 
@@ -78,7 +81,7 @@ def test_a_process_that_waits_is_told_from_one_that_works():
         try:
             time.sleep(0.5)
             assert processor_use(busy.pid)[0] > 0.0
-            assert Watch(busy.pid).reason_to_end() == ""
+            Watch(busy.pid).check("mesher")
         finally:
             busy.kill()
     assert processor_use(busy.pid) == (0.0, False), "it is no longer there"
@@ -103,16 +106,12 @@ def test_every_command_on_a_mesh_has_a_budget(tmp_path, monkeypatch, large_file,
     assert "\n" not in message and not (tmp_path / "out").exists()
 
 
-def test_a_reader_ends_with_the_budget(tmp_path, monkeypatch):
-    def endless(path):
-        while True:
-            pass
-
+def test_a_reader_ends_with_the_budget(tmp_path):
     file = tmp_path / "any.obj"
     file.write_text("v 0 0 0\n")
     with pytest.raises(BudgetSpent, match="any.obj: not done within the 0.5 s"):
         with cpu_budget.cpu_budget(seconds=0.5):
-            reader_process.read_in_child_process(file, endless)
+            read_in_child_process(file, endless)
 
 
 def test_a_child_takes_the_lower_one_of_its_limits():
@@ -124,8 +123,8 @@ resource.setrlimit(resource.RLIMIT_CPU, (20, 21))
 if os.geteuid() == 0:
     os.setuid(65534)
 for seconds in (60, 5):
-    limit_processor_time(seconds, grace=5)
+    limit_processor_time(seconds)
     print(*resource.getrlimit(resource.RLIMIT_CPU))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n") == ["21 21", "5 10", ""]
+    assert done.stdout.split("\n") == ["21 21", "6 21", ""]

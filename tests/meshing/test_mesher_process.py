@@ -1,56 +1,66 @@
 """Meshers in processes of their own: limits of processor time, crashes, and the same result under load."""
 
+import os
+import signal
+import time
+
 import numpy as np
 import pytest
 
 from pdvol import meshes
 from pdvol.errors import MeshError
-from pdvol.meshing import mesher_process, tetrahedralise
+from pdvol.meshing import tetrahedralise
+from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import ProcessStopped
 from pdvol.meshing.edge_length import MAX_ATTEMPTS, mesh_of_target_size
-from pdvol.meshing.mesher_process import run_worker
 
 
-def script(folder, text, monkeypatch):
-    """A worker beside a copy of nothing: `run_worker` looks for it in `folder`."""
-    (folder / "worker.py").write_text(text)
-    monkeypatch.setattr(mesher_process, "__file__", str(folder / "mesher_process.py"))
-    return "worker.py"
+def spin() -> None:
+    while True:
+        pass
 
 
-def test_running_out_of_processor_time_is_an_error(tmp_path, monkeypatch):
-    endless = script(tmp_path, "while True: pass", monkeypatch)
-    with pytest.raises(ProcessStopped, match="used up its 1 s of processor time"):
-        run_worker(endless, 1.0)
+def pause(seconds: float) -> np.ndarray:
+    time.sleep(seconds)
+    return np.arange(3)
 
 
-def test_waiting_does_not_count(tmp_path, monkeypatch):
-    text = "import sys, time\ntime.sleep(2.5)\nimport numpy as np\nnp.savez(sys.argv[2], made=np.arange(3))"
-    assert run_worker(script(tmp_path, text, monkeypatch), 2.0)["made"].tolist() == [0, 1, 2]
+def crash() -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
 
 
-def test_a_crash_is_named(tmp_path, monkeypatch):
-    with pytest.raises(MeshError, match="crashed \\(SIGSEGV\\)") as caught:
-        run_worker(script(tmp_path, "import os\nos.kill(os.getpid(), 11)", monkeypatch), 5.0)
+def test_running_out_of_processor_time_is_an_error():
+    with Child() as child, pytest.raises(ProcessStopped, match="mesher used up its 1 s of processor time"):
+        child.call("mesher", spin, cpu_seconds=1.0)
+
+
+def test_waiting_does_not_count():
+    with Child() as child:
+        assert child.call("mesher", pause, 2.5, cpu_seconds=2.0).tolist() == [0, 1, 2]
+
+
+def test_a_crash_is_named():
+    with Child() as child, pytest.raises(MeshError, match="mesher crashed \\(SIGSEGV\\)") as caught:
+        child.call("mesher", crash, cpu_seconds=5.0)
     assert not isinstance(caught.value, ProcessStopped), "it may be called again with another edge length"
 
 
 @pytest.mark.parametrize(
     ("error", "calls", "said"),
     [
-        (ProcessStopped("tet_worker used up its 31 s"), 1, "no mesh of about 50 vertices: tet_worker used up"),
-        (MeshError("tet_worker crashed (SIGSEGV)"), MAX_ATTEMPTS, "no valid mesh of about 50 .*tet_worker crashed"),
+        (ProcessStopped("fTetWild used up its 31 s"), 1, "no mesh of about 50 vertices: fTetWild used up"),
+        (MeshError("fTetWild crashed (SIGSEGV)"), MAX_ATTEMPTS, "no valid mesh of about 50 .*fTetWild crashed"),
     ],
 )
 def test_a_mesher_that_ends_early_is_called_again_only_after_a_crash(monkeypatch, error, calls, said):
     """With another edge length, which it may well take; its time is not spent twice."""
     lengths = []
 
-    def end(*_args, edge_length, **_arrays):
-        lengths.append(float(edge_length))
+    def end(vertices, triangles, edge_length, *_limits):
+        lengths.append(edge_length)
         raise error
 
-    monkeypatch.setattr(tetrahedralise, "run_worker", end)
+    monkeypatch.setattr(tetrahedralise, "ftetwild", end)
     with pytest.raises(MeshError, match=said) as caught:
         tetrahedralise.tetrahedralise(meshes.box(), 50)
     assert len(lengths) == len(set(lengths)) == calls and "\n" not in str(caught.value)

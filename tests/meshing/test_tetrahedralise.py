@@ -87,7 +87,7 @@ def faulty(name):
         points = np.vstack([points, points + 0.6])
     if name == "hollow":
         cells = cells[np.abs(points[cells].mean(axis=1)).max(axis=1) > 0.25]
-    return {"points": points, "cells": cells}
+    return points, cells
 
 
 @pytest.mark.parametrize(
@@ -95,6 +95,6 @@ def faulty(name):
 )
 def test_what_a_mesher_returns_is_checked(name, said, monkeypatch):
     """No attempt is good, and the last one's defect is named."""
-    monkeypatch.setattr(tetrahedra, "run_worker", lambda *_, **__: faulty(name))
+    monkeypatch.setattr(tetrahedra, "ftetwild", lambda *_, **__: faulty(name))
     with pytest.raises(MeshError, match=f"no valid mesh .* came out .*{said}"):
         tetrahedralise(meshes.box(), 125)

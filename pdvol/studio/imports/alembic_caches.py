@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.meshing.reader_process import read_in_child_process
+from pdvol.meshing.readers import read_in_child_process
 from pdvol.studio.imports.animated_meshes import AnimatedMesh, chosen_mesh, require_same_count, require_samples
 
 TIME_DIGITS = 9  # of times in seconds: samples of two objects at the same time may differ by rounding
@@ -31,7 +31,7 @@ def read_alembic(path: Path, prim: str = "") -> tuple[AnimatedMesh, str]:
         raise InputError(
             "Alembic files need the package alembic3d: pip install alembic3d, or pdvol[alembic]; export PC2 otherwise"
         ) from error
-    found = read_in_child_process(path, lambda file: _read(file, prim))
+    found = read_in_child_process(path, _read, prim)
     where = f"{path}: the mesh {found['name']}"
     tracks = [(found[f"times_{i}"], found[f"track_{i}"]) for i in range(int(found["tracks"]))]
     moving = [times.round(TIME_DIGITS) for times, _ in tracks if len(times) > 1]

@@ -7,6 +7,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved, oriented
@@ -14,13 +15,11 @@ from pdvol.geometry.level_mesh import boundary_facets, simplex_centres
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import PointCache
-from pdvol.scene.motions import rotation_matrix
 from pdvol.studio.imports.polyfem.document import Section, is_a
 from pdvol.studio.imports.polyfem.selections import UNSELECTED, Selection, numbers_at, read_selections
 
 MOST_REFINEMENTS = 6  # uniform refinements of a mesh: more are a typing error
 MOST_COPIES = 1000  # meshes of an array: more are a typing error
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -232,22 +231,17 @@ def _rotation(given: Section, dim: int) -> np.ndarray:
     try:
         r = np.array(value if isinstance(value, list) else [value], dtype=float)
         if dim == 2:
-            turns = [(r.item(), _AXES["z"])]
+            turn = Rotation.from_euler("z", r.item(), degrees=True)
         elif mode == "axis_angle":
-            turns = [(r[0], tuple(r[1:]))]
+            if len(r) != 4 or not r[1:].any():
+                raise ValueError(r)
+            turn = Rotation.from_rotvec(r[0] * r[1:] / np.linalg.norm(r[1:]), degrees=True)
         elif mode == "rotation_vector":
-            turns = [(np.linalg.norm(r), tuple(r))] if r.any() else []
-        elif len(r) == len(mode) == 1:
-            turns = [(r[0], _AXES[mode])]
+            turn = Rotation.from_rotvec(r, degrees=True)
         else:
-            by_axis = dict(zip("xyz", r, strict=True))
-            turns = [(by_axis[axis], _AXES[axis]) for axis in mode or "none"]
-        turned = np.eye(dim)
-        for angle, axis in turns:
-            if len(axis) != 3 or not any(axis):
-                raise ValueError(axis)
-            turned = rotation_matrix(float(np.deg2rad(angle)), axis, dim) @ turned
-        return turned
+            angles = r if len(r) == len(mode) == 1 else [dict(zip("xyz", r, strict=True))[axis] for axis in mode]
+            turn = Rotation.from_euler(mode, angles, degrees=True)
+        return turn.as_matrix()[:dim, :dim]
     except (TypeError, ValueError, KeyError):
         given.refuse("rotation", f"is not read with rotation_mode {mode!r} in {dim}D")
         return np.eye(dim)

@@ -1,0 +1,163 @@
+"""The libraries that make meshes, each in a process of its own (`child_process.py`).
+
+Little is imported here, as each of these processes imports it.
+"""
+
+import ctypes
+import os
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.meshing.child_process import Child
+
+STOP_ENERGY = 20.0
+"""AMIPS energy of the worst cell at which fTetWild stops: 3 divided by the mean ratio, so 0.15. Its default of 10 takes
+up to four times as long and adds vertices at sharp edges.
+"""
+MOST_PASSES = 3
+"""Passes over the mesh after which it stops, too. Later ones improve few cells, and each goes over the whole box around
+the shape, with up to ten times as many vertices as inside.
+"""
+# C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild
+# shuffles with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh
+# each time. The library is preloaded in the mesher's process. The Itanium C++ ABI fixes the symbol's name in libstdc++.
+_SEEDED_RANDOM_DEVICE = """
+unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
+{
+    static unsigned int state = 1u;
+    (void)self;
+    return state = state * 1664525u + 1013904223u;
+}
+"""
+Mesh = tuple[np.ndarray, np.ndarray]
+
+
+def ftetwild(
+    vertices: np.ndarray, triangles: np.ndarray, edge_length: float, epsilon: float, cpu_seconds: float
+) -> Mesh:
+    """Points (n, 3) and tetrahedra (m, 4), of either orientation, of fTetWild's mesh inside a surface.
+
+    Parameters
+    ----------
+    vertices, triangles : (k, 3) [m], (t, 3)
+    edge_length : [m]
+    epsilon : distance that the surface may move, relative to its diagonal
+    cpu_seconds : processor time [s] that the process may use
+
+    Raises
+    ------
+    InputError, MeshError, ProcessStopped
+        As `Child.call`; or there is no C compiler, or it fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="pdvol-mesh-") as folder:
+        library = None
+        if sys.platform.startswith("linux"):
+            library = Path(folder) / "fixed_random.so"
+            library.write_bytes(_seeded_random_device())
+        with Child(library) as child:
+            given = vertices, triangles.astype(np.int32), float(edge_length), float(epsilon), folder
+            return child.call("fTetWild", _ftetwild, *given, cpu_seconds=cpu_seconds)
+
+
+def gmsh_triangles(
+    points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float, cpu_seconds: float
+) -> Mesh:
+    """Points (n, 2) and Delaunay-frontal triangles (m, 3) of Gmsh, the given boundary segments kept.
+
+    Parameters
+    ----------
+    points : (k, 2) all loops one after the other [m]
+    starts : (l + 1,) where each begins
+    parents : (l,) -1 for an outer loop, else the outer loop that a hole belongs to
+    edge_length : [m]
+    cpu_seconds : processor time [s] that the process may use
+
+    Raises
+    ------
+    MeshError, ProcessStopped
+        As `Child.call`.
+    """
+    with Child() as child:
+        return child.call("Gmsh", _gmsh, points, starts, parents, float(edge_length), cpu_seconds=cpu_seconds)
+
+
+def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, epsilon: float, folder: str) -> Mesh:
+    os.chdir(folder)  # it leaves a file where it works
+    # pytetwild adds itself to pyvista where that can be extended. Importing pyvista takes longer than a coarse mesh.
+    sys.modules.setdefault("pyvista", ModuleType("pyvista"))
+    import pytetwild
+
+    # One processor, since the order of fTetWild's threads changes the mesh. The present one: two meshers then use two.
+    os.sched_setaffinity(0, {ctypes.CDLL(None).sched_getcpu()})
+    return pytetwild.tetrahedralize(
+        vertices,
+        triangles,
+        edge_length_abs=edge_length,
+        epsilon=epsilon,
+        simplify=False,  # the surface is decimated already
+        stop_energy=STOP_ENERGY,
+        num_opt_iter=MOST_PASSES,
+        num_threads=1,
+        quiet=True,
+    )
+
+
+def _gmsh(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float) -> Mesh:
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("General.NumThreads", 1)
+    gmsh.option.setNumber("Mesh.Algorithm", 6)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", edge_length)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", edge_length)
+    geo = gmsh.model.geo
+    tags = [geo.addPoint(x, y, 0.0, edge_length) for x, y in points]
+    curves = []
+    for begin, end in zip(starts[:-1], starts[1:], strict=True):
+        loop = tags[begin:end]
+        lines = [geo.addLine(a, b) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
+        for line in lines:
+            geo.mesh.setTransfiniteCurve(line, 2)  # the outline is already sampled: two points, one segment
+        curves.append(geo.addCurveLoop(lines))
+    for outer in np.flatnonzero(parents < 0):
+        geo.addPlaneSurface([curves[outer], *(curves[hole] for hole in np.flatnonzero(parents == outer))])
+    geo.synchronize()
+    gmsh.model.mesh.generate(2)
+    node_tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    _, nodes = gmsh.model.mesh.getElementsByType(2)
+    gmsh.finalize()
+    index = np.full(int(node_tags.max()) + 1, -1, dtype=np.int64)
+    index[node_tags] = np.arange(len(node_tags))
+    return coordinates.reshape(-1, 3)[:, :2], index[nodes.reshape(-1, 3)]
+
+
+@cache
+def _seeded_random_device() -> bytes:
+    """The shared library compiled from `_SEEDED_RANDOM_DEVICE`.
+
+    Raises
+    ------
+    InputError
+        There is no C compiler, or it fails: without the library no mesh of fTetWild could be made a second time.
+    """
+    from pdvol.compiled import compiler  # the processes that import this module need none
+
+    words = compiler()
+    with tempfile.TemporaryDirectory(prefix="pdvol-compile-") as folder:
+        source, library = Path(folder) / "fixed_random.c", Path(folder) / "fixed_random.so"
+        source.write_text(_SEEDED_RANDOM_DEVICE)
+        command = [*words, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
+        try:
+            subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise InputError(f"the C compiler {words[0]} failed: {error}") from None
+        return library.read_bytes()
