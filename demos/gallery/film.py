@@ -96,7 +96,7 @@ def write_tile(entry: Entry, run: Run, entries: Sequence[Entry], sheet: Path) ->
     step = min(round(entry.moment / run.dt), run.info["steps"])
     level = next(level for level in reversed(run.levels) if level.steps > step)
     aspect = TILE[0] / TILE[1]
-    camera = cameras_of_run(run, [level], [step], run.obstacles, entry.turn, read_view(entry.view), False, aspect)[0]
+    camera = cameras_of_run(run, [level], [step], run.obstacles, entry.turn, read_view(entry.view), aspect)[0]
     cut = read_cut(entry.cut, run.info["bodies"], [str(obstacle.name) for obstacle in run.obstacles])
     with Renderer(run, camera, TILE[0], run.obstacles, render_meshes=entry.drawn, cut=cut) as renderer:
         tile = renderer.picture(level, step)

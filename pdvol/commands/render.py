@@ -27,7 +27,6 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--render-meshes", action="store_true", help="bodies that carry render meshes are drawn as these"
     )
-    parser.add_argument("--turntable", action="store_true", help="the camera goes once round, also at one step")
     parser.add_argument(
         "--cut",
         default="",
@@ -54,7 +53,6 @@ def main(options: Namespace) -> None:
             fps=options.fps,
             span=span,
             view=options.camera,
-            turntable=options.turntable,
             render_meshes=options.render_meshes,
             cut=options.cut,
         )

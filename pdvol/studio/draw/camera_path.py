@@ -1,4 +1,4 @@
-"""The camera of each picture of a run: fixed, following a body, or going round the scene."""
+"""The camera of each picture of a run: fixed, or following a body."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,21 +11,14 @@ from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import (
     MARGIN,
-    NARROWEST,
-    WIDEST,
     Camera,
-    axes,
     camera_of_run,
-    content_of_run,
     fitting_distance,
 )
 from pdvol.studio.draw.views import STANDARD_VIEW, View
-from pdvol.studio.shown import upward
 
 FOLLOW_SECONDS = 0.15  # width of the bell curve that smooths a followed body's path: impacts do not jerk the camera
 FOLLOW_SIZE = 2.5  # a followed body's sizes that a picture is high: its surroundings show how it moves
-_STEEP = 80.0  # degrees above the horizontal from which on heights do not show
-_ROUND = 72  # angles of a turntable at which the content must fit: every 5 degrees
 
 
 def cameras_of_run(
@@ -35,7 +28,6 @@ def cameras_of_run(
     obstacles: Sequence[DrawnObstacle],
     turn: float = 0.0,
     view: View = STANDARD_VIEW,
-    turntable: bool = False,
     aspect: float | None = None,
 ) -> list[Camera]:
     """A camera for each of the steps, which may repeat.
@@ -44,7 +36,6 @@ def cameras_of_run(
     ----------
     turn : added to the view's angle about the vertical [degrees]
     view : direction, position, or body to follow
-    turntable : the camera goes once round in equal angles, and returns to its start after the last step
     aspect : width over height; chosen from the content when None
 
     Raises
@@ -53,14 +44,10 @@ def cameras_of_run(
         The body to follow is none of the run's, or the view is not one of a scene of this dimension.
     """
     dim = levels[0].rest.shape[1]
-    if dim == 2 and (turntable or view not in (STANDARD_VIEW, View(body=view.body))):
-        raise InputError("a 2D scene is seen from the front only; leave --turntable and --camera out, or follow a body")
-    if turntable and (view.body or view.position is not None):
-        raise InputError("--turntable goes round the whole scene; leave out a body or a position of --camera")
+    if dim == 2 and view not in (STANDARD_VIEW, View(body=view.body)):
+        raise InputError("a 2D scene is seen from the front only; leave --camera out, or follow a body")
     if view.body:
         return _following(run, levels, steps, obstacles, turn, view, aspect)
-    if turntable:
-        return _turning(run, levels, steps, obstacles, turn, view, aspect)
     return [camera_of_run(run, levels, steps, obstacles, turn, view, aspect)] * len(steps)
 
 
@@ -122,40 +109,3 @@ def _box(levels: Sequence[RunLevel], step: int, body: int) -> np.ndarray:
 def _corners(box: np.ndarray) -> np.ndarray:
     """The corners (8, 3) of a box (2, 3)."""
     return np.array([(box[i, 0], box[j, 1], box[k, 2]) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-
-
-def _turning(
-    run: Run,
-    levels: Sequence[RunLevel],
-    steps: Sequence[int],
-    obstacles: Sequence[DrawnObstacle],
-    turn: float,
-    view: View,
-    aspect: float | None,
-) -> list[Camera]:
-    """Round the vertical through the content's middle, from a distance at which it fits from all sides."""
-    points = content_of_run(levels, steps, obstacles)
-    up, begin = upward(run, obstacles), turn + view.turn
-    upright, rise = np.column_stack(axes(up, 0.0, 0.0)), view.rise
-    along = points @ upright
-    focus = upright @ ((along.min(axis=0) + along.max(axis=0)) / 2)
-    frames = [np.column_stack(axes(up, angle, rise)) for angle in _angles(_ROUND, begin)]
-    heights = np.concatenate([(points - focus) @ frame[:, 1] for frame in frames])
-    if rise < _STEEP:  # the focus moves along the vertical to where the content is in the picture's middle
-        focus += (heights.min() + heights.max()) / 2 / np.cos(np.radians(rise)) * upright[:, 1]
-    seen = [(points - focus) @ frame for frame in frames]
-    half = np.maximum(np.abs(np.concatenate(seen)).max(axis=0), 1e-9)
-    if aspect is None:
-        aspect = float(np.clip(half[0] / half[1], NARROWEST, WIDEST))
-    distance = max(fitting_distance(s, aspect) for s in seen)
-    half_height = float(MARGIN * max(half[1], half[0] / aspect))
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    return [
-        Camera(*axes(up, angle, rise), focus, distance, half_height, size, aspect)
-        for angle in _angles(len(steps), begin)
-    ]
-
-
-def _angles(count: int, begin: float) -> np.ndarray:
-    """`count` equal steps of a full turn from an angle on [degrees]."""
-    return begin + 360.0 * np.arange(count) / count

@@ -18,7 +18,6 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.camera import Camera, camera_of_run
 from pdvol.studio.draw.camera_path import cameras_of_run
-from pdvol.studio.draw.hiding import hiding_obstacles
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, grid
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import STANDARD_VIEW, View
@@ -26,7 +25,6 @@ from pdvol.studio.draw.views import STANDARD_VIEW, View
 FILM_ENDINGS = (".gif", ".mp4", ".webp")  # of the files of films; all but GIF are written by ffmpeg
 MOST_FRAMES_PER_SECOND = 30.0  # where time steps are shorter and no rate is given, some are left out
 LANDSCAPE = (960, 540)  # pixels: size of a film of a single level
-STANDING_SECONDS = 6.0  # length of a film in which the camera goes round a standing moment
 QUALITY = 88  # of 100, of WebP: at 75, faint edges of earlier frames remain beside what moves
 _HEADER = 64  # pixels above the pictures, for captions
 _SHARPEST = 4096  # pixels, a side of a film: up to it four pixels are rendered for each one
@@ -45,7 +43,6 @@ def write_film(
     fps: float | None = None,
     span: tuple[int, int] | None = None,
     view: View = STANDARD_VIEW,
-    turntable: bool = False,
     render_meshes: bool = False,
 ) -> Path:
     """Write a film; see `pdvol.studio.draw.picture.render` for the arguments and `FilmFile` for more errors. Frames
@@ -64,10 +61,7 @@ def write_film(
     """
     rate = film_rate(run.dt, fps, gif=path.suffix.lower() == ".gif")
     first, last = (0, max(level.steps for level in levels) - 1) if span is None else span
-    if steps is None and first == last and turntable:
-        frames = [first] * round(STANDING_SECONDS * rate)
-    else:
-        frames = film_steps(first, last, run.dt, rate) if steps is None else list(steps)
+    frames = film_steps(first, last, run.dt, rate) if steps is None else list(steps)
     if size is None and cell_width is None and len(levels) == 1:
         size = LANDSCAPE
     columns, width, aspect = len(levels), cell_width or 420, None
@@ -77,10 +71,9 @@ def write_film(
         if min(width, height) < 32:
             raise InputError(f"{size[0]}x{size[1]} pixels are too small for {len(levels)} levels; choose a larger size")
         aspect = width / height
-    cameras = cameras_of_run(run, levels, frames, obstacles, turn, view, turntable, aspect)
+    cameras = cameras_of_run(run, levels, frames, obstacles, turn, view, aspect)
     oversampling = 2 if size is None or max(size) <= _SHARPEST else 1
-    through = hiding_obstacles(levels[-1], obstacles, frames, cameras) if turntable else frozenset()
-    drawing = Renderer(run, cameras[0], width, obstacles, oversampling, render_meshes, view.cut, through)
+    drawing = Renderer(run, cameras[0], width, obstacles, oversampling, render_meshes, view.cut)
     with FilmFile(path, rate) as film, drawing as renderer:
         for number, (step, camera) in enumerate(zip(frames, cameras, strict=True), 1):
             say(f"frame {number} of {len(frames)}")

@@ -18,7 +18,6 @@ from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.camera_path import cameras_of_run
 from pdvol.studio.draw.cut import read_cut
 from pdvol.studio.draw.film import FILM_ENDINGS, write_film
-from pdvol.studio.draw.hiding import hiding_obstacles
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, write_png
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import read_view
@@ -43,7 +42,6 @@ def render(
     fps: float | None = None,
     span: tuple[int, int | None] | None = None,
     view: str = "",
-    turntable: bool = False,
     render_meshes: bool = False,
     cut: str = "",
 ) -> Path:
@@ -65,8 +63,6 @@ def render(
     fps : frames a second of a film; it plays at real speed, each frame shows the nearest stored state
     span : first and last step, both included, from which moments or frames are chosen; the last stored one when None
     view : "front", "side", "top", "three-quarter", "follow:BODY", or "X,Y,Z:TX,TY,TZ" [m]
-    turntable : the camera goes once round a 3D scene during the film, or in the columns of a picture; a film of one
-        step then lasts six seconds. Obstacles that would hide a body are drawn so that it shows through.
     render_meshes : bodies that carry render meshes are drawn as these
     cut : "z=0.1" takes away what bodies of a 3D scene have before the plane z = 0.1 m, seen from the camera;
         "z=0.1:NAME,..." cuts these bodies and obstacles alone
@@ -116,22 +112,16 @@ def render(
                 fps=fps,
                 span=(begin, end),
                 view=seen,
-                turntable=turntable,
                 render_meshes=render_meshes,
             )
     moments = chosen_steps(shown[0], end, COLUMNS, begin) if steps is None else list(steps)
-    if steps is None and begin == end and turntable:
-        moments = [begin] * COLUMNS
     width, aspect = cell_width or 420, None
     if size is not None:
         width, height = _cell_size(size, len(moments), len(shown))
         aspect = width / height
     with stage(f"drawing {path.name}"):
-        cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
-        through = hiding_obstacles(shown[-1], drawn, moments, cameras) if turntable else frozenset()
-        with Renderer(
-            run, cameras[0], width, drawn, render_meshes=render_meshes, cut=seen.cut, seen_through=through
-        ) as renderer:
+        cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, aspect)
+        with Renderer(run, cameras[0], width, drawn, render_meshes=render_meshes, cut=seen.cut) as renderer:
             cells = [
                 [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
                 for level in shown

@@ -15,7 +15,6 @@ from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.cut import Cut
-from pdvol.studio.draw.hiding import SEEN_THROUGH
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, font
 from pdvol.studio.shown import CREASE_ANGLE, GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops
 
@@ -34,13 +33,12 @@ class Renderer:
     ----------
     run : Run
     camera : Camera
-        Of every picture that names no other one. The lights belong to it: they rest when another camera turns.
+        Of every picture that names no other one, and of the lights.
     width : of a picture [pixels]; the height follows from the camera
     obstacles : drawn beside the bodies
     oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
     render_meshes : whether bodies that carry render meshes are drawn as these
     cut : takes away a part of 3D scenes
-    seen_through : the numbers of obstacles that are drawn so that what is behind them shows
 
     Attributes
     ----------
@@ -56,11 +54,9 @@ class Renderer:
         oversampling: int = 2,
         render_meshes: bool = False,
         cut: Cut | None = None,
-        seen_through: frozenset[int] = frozenset(),
     ):
         self._carried = {mesh: _texture_of(mesh) for mesh in (run.render_meshes if render_meshes else ())}
         self.run, self.camera, self.obstacles, self._cut = run, camera, tuple(obstacles), cut
-        self._seen_through = seen_through
         self.size = (width, max(2, round(width / camera.aspect)))
         self.oversampling = oversampling
         self._dim = run.levels[0].rest.shape[1]
@@ -82,7 +78,7 @@ class Renderer:
         self._view = self.camera if camera is None else camera
         self._view.set_up(self._plotter.camera, parallel=self._dim == 2)
         drawn = (level, step, *self._view.focus, self._view.distance)
-        if drawn != self._drawn:  # a camera that goes round a standing moment shows the same things
+        if drawn != self._drawn:
             self._plotter.clear_actors()
             positions = in_3d(level.positions(step))
             (self._draw_flat if self._dim == 2 else self._draw_solid)(level, positions, step)
@@ -136,10 +132,9 @@ class Renderer:
         for mesh, texture in self._carried.items():
             self._add_render_mesh(mesh, texture, level.render_weights(mesh) @ positions)
         shapes += [self.draw_body(level, int(body), positions, step) for body in np.setdiff1d(owners, carried)]
-        for number, obstacle in enumerate(level.placed(self.obstacles, step)):
+        for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "mesh":
                 opacity = float(obstacle.arrays.get("opacity", 1.0))
-                opacity = min(opacity, SEEN_THROUGH) if number in self._seen_through else opacity
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
                 if self._cut is not None and self._cut.through(str(obstacle.name), False):
                     vertices, faces = self._cut.surface(vertices, faces, self._view.towards)

@@ -12,10 +12,8 @@ from pdvol.studio.draw.camera import VIEW_ANGLE, camera_of_run, content_of_run
 from pdvol.studio.draw.camera_path import cameras_of_run, smoothed_path
 from pdvol.studio.draw.film import film_rate, film_steps
 from pdvol.studio.draw.framing import Sample, core_box, framed_points, in_scene, outermost
-from pdvol.studio.draw.hiding import hiding_obstacles
 from pdvol.studio.draw.layout import CELL_GAP, grid
 from pdvol.studio.draw.picture import chosen_steps, picture, render
-from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import STANDARD_VIEW, View, read_view
 from shapes import together
 
@@ -161,7 +159,7 @@ def test_a_position_and_a_target_are_the_cameras(solid_run):
 
 def test_a_flat_scene_has_one_view(flat_run, tmp_path):
     run = open_run(flat_run)
-    for choice in ({"view": "side"}, {"turntable": True}, {"view": "0,0,3:0,0,0"}):
+    for choice in ({"view": "side"}, {"view": "0,0,3:0,0,0"}):
         with pytest.raises(InputError, match="2D"):
             render(run, tmp_path / "x.png", **choice)
     assert render(run, tmp_path / "x.png", steps=[0, 3], cell_width=100, view="follow:left").exists()
@@ -193,53 +191,6 @@ def test_smoothing_keeps_straight_paths_and_softens_impacts():
     turn = np.abs(np.diff(smooth[:, 2], 2)).max()
     assert turn < 0.3 < np.abs(np.diff(bounce[:, 2], 2)).max() == 2.0
     assert smoothed_path(bounce, 0.5) is bounce and len(smoothed_path(bounce[:1], 9.0)) == 1
-
-
-def test_a_turntable_goes_round_once_and_keeps_everything_in_the_picture(solid_run):
-    run, steps = open_run(solid_run), [0, 1, 2, 3, 4, 4, 4, 4]
-    cameras = cameras_of_run(run, run.levels, steps, run.obstacles, turntable=True, aspect=1.2)
-    turned = [np.degrees(np.arctan2(c.towards[0], -c.towards[1])) for c in cameras]
-    assert np.allclose(np.diff(np.unwrap(turned, period=360.0)), 45.0)
-    assert all(np.allclose(c.focus, cameras[0].focus) and c.distance == cameras[0].distance for c in cameras)
-    content = content_of_run(run.levels, steps, run.obstacles)
-    reached = [max(abs(v).max() for v in seen(camera, content)[:2]) for camera in cameras]
-    assert max(reached) <= 1.0 and max(reached) > 0.75
-
-
-def test_a_turntable_shows_a_body_through_the_obstacle_that_would_hide_it(tmp_path):
-    """A ball behind a wall: as much of its colour shows from behind the wall as from beside it, or half of that."""
-    folder = stored(tmp_path / "run", [runs.ball(3, 60, (0, 0, 0), 0.3)], ["ball"], 1, {})
-    wall, low = np.array([(x, 0.6, z) for x in (-1.0, 1.0) for z in (-1.0, 1.0)]), CUBE * 0.2 + [0.0, -1.0, -0.4]
-    with runs.RunWriter.open(folder) as writer:
-        writer.write_obstacles(
-            [
-                {"name": "wall", "kind": "mesh", "vertices": wall, "faces": np.array([[0, 1, 2], [1, 2, 3]])},
-                {"name": "post", "kind": "mesh", "vertices": low, "faces": np.array([[0, 1, 3], [0, 3, 2]])},
-            ]
-        )
-    run = open_run(folder)
-    cameras = cameras_of_run(run, run.levels, [0] * 4, run.obstacles, view=read_view("front"), turntable=True)
-    assert hiding_obstacles(run.levels[0], run.obstacles, [0] * 4, cameras) == {0}
-    render(run, tmp_path / "t.png", steps=[0] * 4, size=(600, 160), view="front", turntable=True)
-    columns = np.array_split(np.asarray(Image.open(tmp_path / "t.png").convert("RGB"), dtype=int)[42:, 132:], 4, axis=1)
-    coloured = [(np.ptp(column, axis=2) > 30).sum() for column in columns]
-    assert min(coloured) > 0.5 * max(coloured) > 100
-
-
-def test_lights_and_things_rest_while_the_camera_goes_round(solid_run):
-    run = open_run(solid_run)
-    cameras = cameras_of_run(run, run.levels, [2] * 4, run.obstacles, turntable=True)
-    level = run.levels[1]
-    with Renderer(run, cameras[0], 120, run.obstacles, oversampling=1) as renderer:
-        first = np.asarray(renderer.picture(level, 2, cameras[0]))
-        actors = list(renderer._plotter.actors)
-        behind = np.asarray(renderer.picture(level, 2, cameras[2]))
-        assert list(renderer._plotter.actors) == actors, "nothing is built again"
-        again = np.asarray(renderer.picture(level, 2, cameras[0]))
-    assert (first == again).all() and (first != behind).any()
-    with Renderer(run, cameras[2], 120, run.obstacles, oversampling=1) as renderer:
-        lit = np.asarray(renderer.picture(level, 2), dtype=int)
-    assert abs(lit - behind).mean() > 1.0, "lights that went along would make these pictures the same"
 
 
 # ---- films: time and size
@@ -275,15 +226,6 @@ def test_a_film_has_the_size_rate_and_steps_asked_for(solid_run, tmp_path):
         assert (film.n_frames, film.size, film.info["duration"]) == (2, (960, 540), 20), "landscape, steps 1 and 2"
 
 
-def test_a_turntable_of_one_step_lasts_six_seconds(flat_run, solid_run, tmp_path):
-    imageio = pytest.importorskip("imageio.v2")
-    words = ["--turntable", "--frames", "2", "--levels", "0", "--size", "96x128", "--fps", "4"]
-    command(["render", str(solid_run), "-o", str(tmp_path / "t.mp4"), *words])
-    with imageio.get_reader(tmp_path / "t.mp4") as film:
-        frames = [np.asarray(frame, dtype=int)[64:] for frame in film]
-    assert len(frames) == 24 and abs(frames[0] - frames[12]).mean() > 1.0, "the standing moment from the other side"
-
-
 def test_pictures_have_the_size_and_steps_asked_for(solid_run, tmp_path):
     command(["render", str(solid_run), "-o", str(tmp_path / "a.png"), "--size", "700x301", "--frames", "1:3"])
     with Image.open(tmp_path / "a.png") as drawn:
@@ -306,7 +248,6 @@ def test_pictures_have_the_size_and_steps_asked_for(solid_run, tmp_path):
         (["--frames", "3:1"], "3:1"),
         (["--frames", "a"], "--frames: 'a'"),
         (["--camera", "follow:nobody"], "follow one of left, right"),
-        (["--camera", "follow:left", "--turntable"], "--turntable"),
     ],
 )
 def test_a_wrong_option_is_one_line_and_exit_code_2(solid_run, tmp_path, monkeypatch, capsys, words, named):
