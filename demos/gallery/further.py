@@ -13,7 +13,7 @@ from pdvol.studio.draw.bindings import cell_colours
 from pdvol.studio.draw.camera import cameras_of_run
 from pdvol.studio.draw.compose import Grid, Pane, composed
 from pdvol.studio.draw.film import write_film
-from pdvol.studio.draw.picture import HEADER, film_pane
+from pdvol.studio.draw.picture import FILM_HEADER, film_pane
 from pdvol.studio.draw.views import Shot
 
 SIZE = (1260, 440)  # pixels, of the film
@@ -47,5 +47,5 @@ def write_bound(entry: Entry, run: Run, out: Path) -> Path:
     """Write the film of how level 1 is bound to level 0, cut as the entry says."""
     panes, frames = binding_panes(entry, run), film_frames(run.info["steps"], run.dt, entry.slow)
     content = cameras_of_run(run, run.levels[:2], frames)[0].aspect
-    grid = Grid(len(panes), len(panes), above=HEADER).filling(SIZE, content)
+    grid = Grid(len(panes), len(panes), above=FILM_HEADER).filling(SIZE, content)
     return fit_film(write_film(out, composed(panes, frames, Shot(cut=entry.bound), grid), FRAMES_PER_SECOND))

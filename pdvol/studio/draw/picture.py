@@ -20,11 +20,11 @@ from pdvol.studio.draw.views import STANDARD_SHOT, Shot, read_view
 
 HIGHEST_RATE = 240.0  # frames a second: no screen shows more
 SMALLEST_SIDE, LARGEST_SIDE = 64, 8192  # pixels: captions must fit, and what is rendered in one piece
-MARGIN = (132, 42, CELL_GAP, CELL_GAP)  # pixels about the moments: captions are on the left and above
+CAPTIONS = (132, 42, CELL_GAP, CELL_GAP)  # pixels about the moments: captions are on the left and above
 COLUMNS = 5  # moments of a picture, where they are not chosen by step
 SAMPLED_STATES = 60  # states at which a run's motion is measured to choose moments: enough for five of them
 LANDSCAPE = (960, 540)  # pixels: size of a film of a single level
-HEADER = 64  # pixels above the pictures of a film, for captions
+FILM_HEADER = 64  # pixels above the pictures of a film, for captions
 
 
 def render(
@@ -123,7 +123,7 @@ def still(run: Run, levels: Sequence[RunLevel], steps: Sequence[int], shot: Shot
         The shot does not fit the run.
     """
     rows, columns = len(levels), len(steps)
-    grid = Grid(rows * columns, columns, margin=MARGIN)
+    grid = Grid(rows * columns, columns, margin=CAPTIONS)
     if shot.size is not None:
         grid = grid.filling(shot.size)
 
@@ -133,10 +133,10 @@ def still(run: Run, levels: Sequence[RunLevel], steps: Sequence[int], shot: Shot
             if step >= level.steps:
                 pen.text(width / 2, height / 2, "not simulated yet", 15, FAINT_INK, "mm")
             if level is levels[0]:
-                pen.text(width / 2, 2 - MARGIN[1] / 2, f"{step * run.dt:.3g} s", 19, anchor="mm")
+                pen.text(width / 2, 2 - CAPTIONS[1] / 2, f"{step * run.dt:.3g} s", 19, anchor="mm")
             if column == 0:
-                pen.text(20 - MARGIN[0], height / 2 - 13, f"level {level.index}", 21)
-                pen.text(20 - MARGIN[0], height / 2 + 13, f"{len(level.rest):,} vertices", 14, FAINT_INK)
+                pen.text(20 - CAPTIONS[0], height / 2 - 13, f"level {level.index}", 21)
+                pen.text(20 - CAPTIONS[0], height / 2 + 13, f"{len(level.rest):,} vertices", 14, FAINT_INK)
 
         return Pane(run, level if steps[column] < level.steps else None, words)
 
@@ -154,7 +154,7 @@ def film_frames(run: Run, levels: Sequence[RunLevel], steps: Sequence[int], shot
         The shot does not fit the run.
     """
 
-    grid = Grid(len(levels), len(levels), above=HEADER)
+    grid = Grid(len(levels), len(levels), above=FILM_HEADER)
     size = shot.size or (LANDSCAPE if shot.width is None and len(levels) == 1 else None)
     if size is not None:
         grid = grid.filling(size, cameras_of_run(run, levels, steps, read_view(shot.view, shot.turn))[0].aspect)
@@ -167,10 +167,10 @@ def film_pane(run: Run, level: RunLevel, title: str, note: str, colours: np.ndar
 
     def words(pen: Pen, step: int) -> None:
         held = min(step, level.steps - 1)
-        pen.text(16, 22 - HEADER, title, 19)
-        pen.text(16, 46 - HEADER, note, 14, FAINT_INK)
+        pen.text(16, 22 - FILM_HEADER, title, 19)
+        pen.text(16, 46 - FILM_HEADER, note, 14, FAINT_INK)
         ink = INK if held == step else FAINT_INK
-        pen.text(pen.size[0] - 16, 22 - HEADER, f"{held * run.dt:.2f} s", 17, ink, "rm")
+        pen.text(pen.size[0] - 16, 22 - FILM_HEADER, f"{held * run.dt:.2f} s", 17, ink, "rm")
 
     return Pane(run, level, words, colours)
 

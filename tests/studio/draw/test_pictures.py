@@ -18,7 +18,7 @@ from pdvol.studio.draw.compose import Grid, Pane, frames
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.film import film_rate, film_steps, write_film
 from pdvol.studio.draw.layout import CELL_GAP
-from pdvol.studio.draw.picture import MARGIN, chosen_steps, picture, render
+from pdvol.studio.draw.picture import CAPTIONS, chosen_steps, picture, render
 from pdvol.studio.draw.views import Shot
 
 SMALL = Shot(width=120)
@@ -32,7 +32,7 @@ def pixels(path):
 def test_a_picture_shows_the_bodies(kind, request, tmp_path):
     run = open_run(request.getfixturevalue(kind))
     rgb = pixels(render(run, tmp_path / "new" / "run.png", steps=[0, 2, 4], shot=Shot(width=200)))
-    assert rgb.shape[1] == MARGIN[0] + 3 * (200 + CELL_GAP) and rgb.shape[0] > 2 * 120
+    assert rgb.shape[1] == CAPTIONS[0] + 3 * (200 + CELL_GAP) and rgb.shape[0] > 2 * 120
     assert len(np.unique(rgb.reshape(-1, 3), axis=0)) > 500
     warm, cool = (rgb[..., 0] - rgb[..., 2] > 60).mean(), (rgb[..., 2] - rgb[..., 0] > 40).mean()
     assert warm > 0.01 and cool > 0.01, "both bodies, apricot and teal"
