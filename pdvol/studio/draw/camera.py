@@ -11,7 +11,7 @@ from pdvol.errors import InputError
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import in_3d
-from pdvol.studio.draw.framing import Sample, framed_points, outermost
+from pdvol.studio.draw.framing import framed_points, outermost
 from pdvol.studio.draw.views import STANDARD_VIEW, View
 from pdvol.studio.shown import upward
 
@@ -102,21 +102,22 @@ def content_of_run(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: 
     """The points (n, 3) [m] to frame, measured at no more than `FRAMED_STEPS` of the steps."""
     chosen = np.unique(np.asarray(steps))
     chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, FRAMED_STEPS).round().astype(int))]
-    samples = []
+    numbers, samples = [], []
     for level in levels:
         surface = np.unique(level.surface)
         owners = level.mesh.point_bodies[surface]
         bodies = {int(body): surface[owners == body] for body in np.unique(owners)}
         for step in chosen[chosen < level.steps]:
             positions = in_3d(level.positions(int(step)))
-            samples += [Sample(body, outermost(positions[mine])) for body, mine in bodies.items()]
+            numbers += list(bodies)
+            samples += [outermost(positions[mine]) for mine in bodies.values()]
     places = (
         in_3d(obstacle.vertices(int(step)))
         for obstacle in obstacles
         if obstacle.kind != "plane"
         for step in (chosen if "positions" in obstacle.arrays else chosen[:1])
     )
-    return framed_points(samples, places)
+    return framed_points(numbers, samples, places)
 
 
 def front_of(upward: np.ndarray) -> np.ndarray:

@@ -17,7 +17,6 @@ from pdvol.studio.draw.film import MOST_FRAMES_PER_SECOND, write_film
 from pdvol.studio.draw.framing import outermost
 from pdvol.studio.draw.layout import INK, cluster_name, font, write_png
 from pdvol.studio.draw.renderer import Renderer
-from pdvol.studio.draw.views import read_view
 from pdvol.studio.shown import PALETTE, upward
 
 WIDEST_SHEET = 4000  # pixels
@@ -64,29 +63,15 @@ class Tile:
         return None if self.run is None else next((level for level in reversed(self.run.levels) if level.steps), None)
 
 
-def sheet_image(
-    tiles: Sequence[Tile],
-    out: str | Path,
-    columns: int | None = None,
-    step: int | None = None,
-    turn: float = 0.0,
-    apart: Path | None = None,
-) -> Path:
-    """Draw the tiles, in the order given, into a .png.
+def sheet_image(tiles: Sequence[Tile], out: str | Path, columns: int | None = None, apart: Path | None = None) -> Path:
+    """Draw the end of the tiles' runs, in the order given, into a .png.
 
     Parameters
     ----------
     tiles : 1 to `MOST_TILES`
-    out : the file
+    out : the file, which is returned
     columns : chosen from the number of tiles when None
-    step : drawn of each run; its last one when None, or where it ended before
-    turn : angle of the camera about a 3D scene, from the front to its right [degrees]
     apart : a folder that gets the picture of each tile as a file of its own, `TITLE.png`
-
-    Returns
-    -------
-    Path
-        The file written.
 
     Raises
     ------
@@ -96,37 +81,25 @@ def sheet_image(
     out = Path(out)
     if out.suffix.lower() != ".png":
         raise InputError(f"{out}: the name of a contact sheet's picture ends in .png")
-    camera = shared_camera(tiles, turn)
+    camera = shared_camera(tiles)
     grid = sheet_grid(tiles, camera.aspect if camera else SHAPE, columns)
-    levels = [tile.level for tile in tiles]
-    ends = [(level.steps - 1 if step is None else step) if level else 0 for level in levels]
-    renderer = Renderer(camera, grid.picture) if camera else None
-    (sheet,) = frames(renderer, grid, _panes(tiles, grid), [[(end, None) for end in ends]])
-    for number, (tile, level) in enumerate(zip(tiles, levels, strict=True)):
-        if apart is not None and level is not None:
+    ends = [(level.steps - 1 if (level := tile.level) else 0, camera) for tile in tiles]
+    (sheet,) = frames(Renderer(camera, grid.picture) if camera else None, grid, _panes(tiles, grid), [ends])
+    for number, tile in enumerate(tiles):
+        if apart is not None and tile.level is not None:
             x, y = grid.corner(number)
             write_png(apart / f"{tile.title}.png", sheet.crop((x, y, x + grid.picture[0], y + grid.picture[1])))
     return write_png(out, sheet)
 
 
-def sheet_film(
-    tiles: Sequence[Tile], out: str | Path, columns: int | None = None, turn: float = 0.0, speed: float = 1.0
-) -> Path:
+def sheet_film(tiles: Sequence[Tile], out: str | Path) -> Path:
     """Film the tiles, in the order given, into a .gif, .mp4 or .webp. A run that ended before the others keeps its
     last state.
 
     Parameters
     ----------
     tiles : as for `sheet_image`
-    out : the file
-    columns : chosen from the number of tiles when None
-    turn : angle of the camera about a 3D scene [degrees]
-    speed : of the film, in times the simulated motion's
-
-    Returns
-    -------
-    Path
-        The file written.
+    out : the file, which is returned
 
     Raises
     ------
@@ -135,19 +108,19 @@ def sheet_film(
     SimulationError
         The disk cannot be written.
     """
-    out, camera = Path(out), shared_camera(tiles, turn)
+    out, camera = Path(out), shared_camera(tiles)
     aspect = camera.aspect if camera else SHAPE
-    grid = sheet_grid(tiles, aspect, columns, WIDEST_FILM)
+    grid = sheet_grid(tiles, aspect, None, WIDEST_FILM)
     if grid.columns >= DENSE_FROM:
-        grid = sheet_grid(tiles, aspect, columns, WIDEST_DENSE_FILM)
-    times, rate = film_times(tiles, speed)
-    steps = ([(round(time / tile.run.dt) if tile.run else 0, None) for tile in tiles] for time in times)
+        grid = sheet_grid(tiles, aspect, None, WIDEST_DENSE_FILM)
+    times, rate = film_times(tiles)
+    moments = ([(round(time / tile.run.dt) if tile.run else 0, camera) for tile in tiles] for time in times)
     renderer = Renderer(camera, grid.picture, oversampling=1) if camera else None
     out.parent.mkdir(parents=True, exist_ok=True)
-    return write_film(out, frames(renderer, grid, _panes(tiles, grid), steps), rate)
+    return write_film(out, frames(renderer, grid, _panes(tiles, grid), moments), rate)
 
 
-def film_times(tiles: Sequence[Tile], speed: float = 1.0) -> tuple[np.ndarray, float]:
+def film_times(tiles: Sequence[Tile]) -> tuple[np.ndarray, float]:
     """The moments [s] that are drawn, and frames per second: no finer than the finest time step, and fewer where there
     are so many tiles that drawing would take longer than minutes.
     """
@@ -155,12 +128,12 @@ def film_times(tiles: Sequence[Tile], speed: float = 1.0) -> tuple[np.ndarray, f
     if not runs:
         return np.zeros(1), 1.0
     length, dt = max((level.steps - 1) * dt for level, dt in runs), min(dt for _, dt in runs)
-    shortest = max(dt, speed / MOST_FRAMES_PER_SECOND, length * len(runs) / MOST_PICTURES)
+    shortest = max(dt, 1.0 / MOST_FRAMES_PER_SECOND, length * len(runs) / MOST_PICTURES)
     count = max(1, round(length / shortest))
-    return np.linspace(0.0, length, count + 1), max(1.0, speed * count / length) if length > 0.0 else 1.0
+    return np.linspace(0.0, length, count + 1), max(1.0, count / length) if length > 0.0 else 1.0
 
 
-def shared_camera(tiles: Sequence[Tile], turn: float = 0.0) -> Camera | None:
+def shared_camera(tiles: Sequence[Tile]) -> Camera | None:
     """The camera that shows the runs at some of their steps; None where there is no state at all. Where a few runs go
     much further than the others, the camera does not follow them, which would make all others small. It does follow
     the bodies that tiles name.
@@ -183,7 +156,7 @@ def shared_camera(tiles: Sequence[Tile], turn: float = 0.0) -> Camera | None:
     low = np.quantile([points.min(axis=0) for points in content], STRAYS, axis=0)
     high = np.quantile([points.max(axis=0) for points in content], 1.0 - STRAYS, axis=0)
     points = np.concatenate([np.clip(np.concatenate(content), low, high), *named])
-    return fitted_camera(points, dim, up, read_view("", turn))
+    return fitted_camera(points, dim, up)
 
 
 def sheet_grid(tiles: Sequence[Tile], aspect: float, columns: int | None, widest: int = WIDEST_SHEET) -> Grid:
@@ -199,26 +172,22 @@ def sheet_grid(tiles: Sequence[Tile], aspect: float, columns: int | None, widest
         columns = max(1, min(count, most, round(np.sqrt(count * tall * SHAPE))))
     width = int(np.clip((widest - TILE_GAP) // columns - TILE_GAP, NARROWEST_TILE, WIDEST_TILE))
     width -= width % 2
-    lines = 1 + max(len(wrapped(tile.lines, width, _letters(width))) for tile in tiles)
-    below = lines * _line(width) + TILE_GAP // 2
+    size, line = _letters(width)
+    below = line * (1 + max(len(wrapped(tile.lines, width, size)) for tile in tiles)) + TILE_GAP // 2
     picture, margin = (width, max(2, round(width / aspect))), (TILE_GAP,) * 4
     return Grid(count, columns, picture, above=RULE, below=below, gap=TILE_GAP, margin=margin)
 
 
-def _letters(width: int) -> float:
-    """The size of letters [pixels] of tiles of a width [pixels]."""
-    return float(np.clip(LABEL_SIZE * width / 420, LEAST_LABEL_SIZE, LABEL_SIZE))
-
-
-def _line(width: int) -> int:
-    """[pixels] from one line of a label to the next."""
-    return round(1.3 * _letters(width))
+def _letters(width: int) -> tuple[float, int]:
+    """The size of letters, and the distance from one line to the next [pixels], of tiles of a width [pixels]."""
+    size = float(np.clip(LABEL_SIZE * width / 420, LEAST_LABEL_SIZE, LABEL_SIZE))
+    return size, round(1.3 * size)
 
 
 def _panes(tiles: Sequence[Tile], grid: Grid) -> list[Pane]:
     """The tiles as places of a grid: the picture or a frame, its note, its cluster and its label."""
     width, height = grid.picture
-    size, line = _letters(width), _line(width)
+    size, line = _letters(width)
 
     def pane(tile: Tile) -> Pane:
         level, label = tile.level, wrapped(tile.lines, width, size)

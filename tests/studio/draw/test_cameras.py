@@ -7,7 +7,7 @@ import runs
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.draw.camera import VIEW_ANGLE, cameras_of_run, content_of_run, smoothed_path
-from pdvol.studio.draw.framing import Sample, core_box, framed_points, in_scene, outermost
+from pdvol.studio.draw.framing import core_box, framed_points, in_scene, outermost
 from pdvol.studio.draw.views import STANDARD_VIEW, View, read_view
 from shapes import together
 
@@ -42,29 +42,30 @@ def test_a_body_that_falls_out_of_the_scene_is_framed_only_while_it_is_near():
     rest = np.array([(x, y, 0.0) for x in (-1.5, 0.0, 1.5) for y in (-1.5, 1.5)])
     times = np.linspace(0.0, 2.0, 41)
     falling = np.column_stack([0 * times, 0 * times, -0.5 * 9.81 * times**2])
-    samples = [Sample(i, CUBE + place) for i, place in enumerate(rest) for _ in times]
-    samples += [Sample(6, CUBE + place) for place in falling]
-    shown = in_scene(*(np.array([getattr(s, name) for s in samples]) for name in ("body", "low", "high")))
+    places, bodies = np.concatenate([np.repeat(rest, len(times), axis=0), falling]), np.repeat(range(7), len(times))
+    shown = in_scene(bodies, places - 0.5, places + 0.5)
     near = falling[:, 2] >= -0.5 - 1.5 * 4.0  # the core's longest side is 4 m
     assert shown[: -len(times)].all() and (shown[-len(times) :] == near).all() and 0 < near.sum() < len(near)
-    points = framed_points(samples, [])
+    points = framed_points(bodies, [CUBE + place for place in places], [])
     assert points[:, 2].min() >= -0.5 - 6.0 - 0.5 and np.ptp(points[:, 0]) == 4.0
 
 
 def row(count, distance):
-    return [Sample(i, CUBE + [distance * i, 0.0, 0.0]) for i in range(count)]
+    """Bodies and samples of cubes at equal distances along x."""
+    return [*range(count)], [CUBE + [distance * i, 0.0, 0.0] for i in range(count)]
 
 
-def flight(bodies, way):
-    """All but one of so many bodies rest in a row, the last one moves along `way`, in 21 states."""
-    rest = [Sample(i, CUBE + [0.0, 0.7 * i, 0.0]) for i in range(bodies - 1)] * 21
-    return rest + [Sample(bodies, CUBE + np.multiply(way, t)) for t in np.linspace(0.0, 1.0, 21)]
+def flight(count, way):
+    """All but one of so many bodies rest in a row, the last one moves along `way` and then rests at its start."""
+    rest = [CUBE + [0.0, 0.7 * i, 0.0] for i in range(count - 1)]
+    moving = [CUBE + np.multiply(way, t) for t in np.linspace(0.0, 1.0, 21)] + 9 * [CUBE]
+    return [*range(count - 1)] * 30 + [count] * 30, rest * 30 + moving
 
 
 @pytest.mark.parametrize(
     ("samples", "axis", "low", "high"),
     [
-        pytest.param([*flight(1, [0, 0, -9.6]), *[Sample(1, CUBE)] * 300], 2, -10.1, 0.5, id="the fall of one"),
+        pytest.param(flight(1, [0, 0, -9.6]), 2, -10.1, 0.5, id="the fall of one"),
         pytest.param(row(2, 30.0), 0, -0.5, 30.5, id="two far from each other"),
         pytest.param(row(9, 2.0), 0, -0.5, 16.5, id="a row of equal distances"),
         pytest.param(flight(2, [6.0, 0, 0]), 0, -0.5, 6.5, id="a ball that an arm throws"),
@@ -73,7 +74,7 @@ def flight(bodies, way):
     ],
 )
 def test_what_is_the_shot_is_framed(samples, axis, low, high):
-    points = framed_points(samples, [])[:, axis]
+    points = framed_points(*samples, [])[:, axis]
     assert (points.min(), points.max()) == pytest.approx((low, high))
 
 
@@ -86,7 +87,7 @@ def test_what_is_the_shot_is_framed(samples, axis, low, high):
     ],
 )
 def test_obstacles_are_framed_where_they_are_near(obstacles, axis, high):
-    assert framed_points(row(2, 1.0), obstacles)[:, axis].max() == pytest.approx(high)
+    assert framed_points(*row(2, 1.0), obstacles)[:, axis].max() == pytest.approx(high)
 
 
 def test_the_outermost_points_of_a_ball_frame_it():

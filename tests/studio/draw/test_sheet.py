@@ -67,11 +67,6 @@ def test_every_tile_is_drawn_and_its_picture_also_written_alone(tiles, tmp_path)
     assert np.array_equal(np.asarray(Image.open(tmp_path / "tiles" / "0.png").convert("RGB")), shown[0])
 
 
-def test_a_step_is_chosen(tiles, tmp_path):
-    first, last = (sheet_image(tiles[:1], tmp_path / f"{step}.png", step=step) for step in (0, None))
-    assert (pictures(first, tiles[:1])[0][0] != pictures(last, tiles[:1])[0][0]).any()
-
-
 def test_no_character_of_a_label_is_lost():
     lines = ["surface models/a_rather_long_name_of_a_cow.obj with  words", "x" * 300, "", "spin 2"]
     rows = wrapped(lines, 200, 14)
