@@ -58,7 +58,12 @@ def render(
     ending, endings = path.suffix.lower(), ", ".join(FILM_ENDINGS)
     if ending not in (".png", *FILM_ENDINGS):
         raise InputError(f"{path}: the name of a picture ends in .png, {endings}")
-    _check_size(shot.size, ending != ".png")
+    if shot.size is not None:
+        (width, height), name = shot.size, f"size = {shot.size[0]}x{shot.size[1]}"
+        if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in shot.size):
+            raise InputError(f"{name}: each side has {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
+        if ending != ".png" and (width % 2 or height % 2):
+            raise InputError(f"{name}: films need even numbers; take {width // 2 * 2}x{height // 2 * 2}")
     if shot.fps is not None and not (ending != ".png" and 0.0 < shot.fps <= HIGHEST_RATE):
         raise InputError(f"fps = {shot.fps:g}: a {endings} has more than 0 and up to {HIGHEST_RATE:g} frames a second")
     shown = _levels(run, levels)
@@ -206,16 +211,6 @@ def _counted(frames: Iterator[Image.Image], count: int) -> Iterator[Image.Image]
         say(f"frame {number} of {count}")
         yield frame
     say(f"{count} frames")
-
-
-def _check_size(size: tuple[int, int] | None, is_film: bool) -> None:
-    if size is None:
-        return
-    name = f"size = {size[0]}x{size[1]}"
-    if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in size):
-        raise InputError(f"{name}: each side has {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
-    if is_film and any(side % 2 for side in size):
-        raise InputError(f"{name}: films need even numbers; take {size[0] // 2 * 2}x{size[1] // 2 * 2}")
 
 
 def _levels(run: Run, wanted: Sequence[int] | None) -> list[RunLevel]:

@@ -134,8 +134,22 @@ class Renderer(Window):
         for mesh in carried:
             self._add_render_mesh(mesh, level.render_weights(mesh) @ positions)
         for body in np.setdiff1d(owners, drawn):
-            name, facets = str(run.info["bodies"][body]), level.surface[owners == body]
-            shapes.append(self._draw_body(name, level, int(body), facets, positions, colours))
+            facets, mine, colour = level.surface[owners == body], level.bodies == body, PALETTE[body % len(PALETTE)]
+            cut = self._cut_of(str(run.info["bodies"][body]), True)
+            smooth = len(facets) >= SMOOTH_FROM
+            edges = float(np.clip(12.0 / np.sqrt(len(facets)), 0.15, 0.5))  # many edges must not blacken the body
+            points = positions
+            if cut or colours is not None:
+                solid: Any = pv.UnstructuredGrid({pv.CellType.TETRA: level.cells[mine]}, positions)
+                if colours is not None:
+                    solid.cell_data["colour"] = np.round(255 * colours).astype(np.uint8)[mine]
+                left = cut.left(solid, self._view.towards) if cut else skin(solid)
+                points, facets = triangles(left)
+            if colours is None:
+                self._add_surface(points, facets, pv.Color(colour), smooth, edges)
+            elif len(facets):
+                self.add(left, scalars="colour", rgb=True, smooth_shading=False, **_PAINT)
+            shapes.append(points[facets])
         obstacles = level.placed(run.obstacles, step)
         for obstacle in obstacles:
             if obstacle.kind == "mesh":
@@ -152,31 +166,6 @@ class Renderer(Window):
 
     def _cut_of(self, name: str, body: bool) -> Cut | None:
         return self._cut if self._cut is not None and self._cut.through(name, body) else None
-
-    def _draw_body(
-        self,
-        name: str,
-        level: RunLevel,
-        body: int,
-        facets: np.ndarray,
-        positions: np.ndarray,
-        colours: np.ndarray | None,
-    ) -> np.ndarray:
-        """Draw a body in its colour, or its cells in theirs; gives the corners (k, 3, 3) [m] of its triangles."""
-        points, cut, smooth = positions, self._cut_of(name, True), len(facets) >= SMOOTH_FROM
-        edges = float(np.clip(12.0 / np.sqrt(len(facets)), 0.15, 0.5))  # many edges must not blacken the body
-        if cut or colours is not None:
-            mine = level.bodies == body
-            solid: Any = pv.UnstructuredGrid({pv.CellType.TETRA: level.cells[mine]}, positions)
-            if colours is not None:
-                solid.cell_data["colour"] = np.round(255 * colours).astype(np.uint8)[mine]
-            surface = cut.left(solid, self._view.towards) if cut else skin(solid)
-            points, facets = triangles(surface)
-            if colours is not None and len(facets):
-                self.add(surface, scalars="colour", rgb=True, smooth_shading=False, **_PAINT)
-        if colours is None:
-            self._add_surface(points, facets, pv.Color(PALETTE[body % len(PALETTE)]), smooth, edges)
-        return points[facets]
 
     def _add_surface(
         self,
