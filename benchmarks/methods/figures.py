@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from benchmarks.divergence.__main__ import distances
 from benchmarks.methods.studies import LITERAL, Study
 from pdvol import open_run
-from pdvol.studio.draw.camera import camera_of_run
+from pdvol.studio.draw.camera import cameras_of_run
 from pdvol.studio.draw.layout import BACKGROUND
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE
@@ -44,13 +44,12 @@ def _shots(study: Study, runs: Sequence[Path]) -> list[list[np.ndarray]]:
     stored = [open_run(path) for path in runs]
     last = min(level.steps for run in stored for level in run.levels) - 1
     steps = sorted({min(step, last) for step in study.moments})
-    camera = camera_of_run(
-        stored[0], [level for run in stored for level in (run.levels[0], run.levels[-1])], steps, stored[0].obstacles
-    )
+    levels = [level for run in stored for level in (run.levels[0], run.levels[-1])]
+    camera = cameras_of_run(stored[0], levels, steps)[0]
     rows = []
     for run, level in [(stored[0], stored[0].levels[0]), *((run, run.levels[-1]) for run in stored)]:
-        with Renderer(run, camera, WIDTH, run.obstacles) as renderer:
-            rows.append([np.asarray(renderer.picture(level, step)) for step in steps])
+        with Renderer(camera, (WIDTH, round(WIDTH / camera.aspect))) as renderer:
+            rows.append([np.asarray(renderer.picture(run, level, step)) for step in steps])
     return rows
 
 
@@ -82,9 +81,7 @@ def sweep(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path
     chosen = [k for k, record in enumerate(records) if record["settings"]["consistency"] != LITERAL]
     records, stored = [records[k] for k in chosen], [open_run(runs[k]) for k in chosen]
     steps = [min(step, min(level.steps for run in stored for level in run.levels) - 1) for step in study.moments]
-    camera = camera_of_run(
-        stored[0], [level for run in stored for level in run.levels], sorted(set(steps)), stored[0].obstacles
-    )
+    camera = cameras_of_run(stored[0], [level for run in stored for level in run.levels], sorted(set(steps)))[0]
     rows, levels = len(stored), len(stored[0].levels)
     figure = Figure(
         figsize=(1.5 * levels, (1.5 / camera.aspect + 0.16) * rows * len(steps) + 0.5), facecolor=BACKGROUND
@@ -94,11 +91,11 @@ def sweep(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path
     axes = figure.subplots(rows * len(steps), levels, squeeze=False)
     for row, (run, record) in enumerate(zip(stored, records, strict=True)):
         apart = distances(run)
-        with Renderer(run, camera, SMALL_WIDTH, run.obstacles) as renderer:
+        with Renderer(camera, (SMALL_WIDTH, round(SMALL_WIDTH / camera.aspect))) as renderer:
             for level in run.levels:
                 for moment, step in enumerate(steps):
                     one = axes[moment * rows + row, level.index]
-                    one.imshow(np.asarray(renderer.picture(level, step)))
+                    one.imshow(np.asarray(renderer.picture(run, level, step)))
                     title = f"level {level.index}: " if row == 0 else ""
                     far = apart[level.index, 0][step] if level.index else None
                     one.set_title(f"{title}{'' if far is None else length(float(far))}".rstrip(": "), fontsize=8, pad=2)

@@ -2,7 +2,7 @@
 kinds of elements, beside the truth.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,19 +11,20 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from PIL import Image, ImageDraw
+from PIL import Image
 
 import pdvol
 from benchmarks.common.process import REPOSITORY
 from benchmarks.common.tables import Page, table
 from benchmarks.preview.shots import DT, FINEST, KINDS, STEPS, TRUE_DT, rises, stored
 from benchmarks.time_order.__main__ import cantilever, grid
-from demos.gallery.film import FRAMES_PER_SECOND
+from demos.gallery.film import FRAMES_PER_SECOND, fit_film, fit_picture
 from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.store.reader import Run
-from pdvol.studio.draw.camera_path import cameras_of_run
-from pdvol.studio.draw.film import FilmFile, film_steps
-from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
+from pdvol.studio.draw.camera import cameras_of_run
+from pdvol.studio.draw.compose import Grid, Pane, Pen, frames
+from pdvol.studio.draw.film import film_steps, write_film
+from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE
 
@@ -45,8 +46,8 @@ def write(out: Path) -> None:
     bars, true_bar = bar_states()
     apes = {kind: stored(out, **settings) for kind, settings in KINDS.items()}
     true_ape = stored(out, "direct", FINEST, **KINDS["BDF2, smoothed"], dt=TRUE_DT)
-    film_of_bars(PICTURES / "how_right_bar.webp", bars, true_bar)
-    film_of_apes(PICTURES / "how_right_ape.webp", apes, true_ape)
+    for name, film in (("bar", film_of_bars(bars, true_bar)), ("ape", film_of_apes(apes, true_ape))):
+        fit_film(write_film(PICTURES / f"how_right_{name}.webp", film, FRAMES_PER_SECOND))
     truth = rises(true_ape, FINEST)[:: round(DT / TRUE_DT)]
     heights = {kind: {level: rises(run, level) for level in range(FINEST + 1)} for kind, run in apes.items()}
     curves(PICTURES / "how_right_bar.png", "height of the tip [m]", tips(bars), tip(true_bar))
@@ -119,8 +120,8 @@ def last_swing(heights: np.ndarray) -> float:
     return float(np.ptp(late))
 
 
-def film_of_bars(out: Path, bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> None:
-    """A picture a kind: level 0 filled, the finest level as a line, the truth as a black line."""
+def film_of_bars(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> Iterator[Image.Image]:
+    """Frames with a picture a kind: level 0 filled, the finest level as a line, the truth as a black line."""
     meshes = [grid((1.0, 0.2), cuts) for cuts in BAR_CUTS]
     rims = [boundary_facets(mesh.cells)[0] for mesh in meshes]
     figure = Figure(figsize=(12.0, 3.6), dpi=100, facecolor=BACKGROUND, layout="constrained")
@@ -129,25 +130,24 @@ def film_of_bars(out: Path, bars: Mapping[str, Sequence[np.ndarray]], truth: np.
     everything = np.concatenate([truth.reshape(-1, 2), *(x.reshape(-1, 2) for each in bars.values() for x in each)])
     low, high = everything.min(axis=0) - 0.03, everything.max(axis=0) + 0.03
     coarse, fine = BAR_SHOWN
-    with FilmFile(out, FRAMES_PER_SECOND) as film:
-        for step in film_steps(0, len(truth) - 1, DT, FRAMES_PER_SECOND):
-            for axes, (kind, levels) in zip(panels, bars.items(), strict=True):
-                axes.clear()
-                corners = levels[coarse][step][meshes[coarse].cells]
-                axes.add_collection(PolyCollection(corners, facecolor=PALETTE[0], edgecolor="white", linewidth=0.6))
-                lines = ((levels[fine], rims[fine], PALETTE[1], 2.0), (truth, rims[-1], TRUTH_INK, 1.6))
-                for x, edges, colour, width in lines:
-                    axes.add_collection(LineCollection(x[step][edges], colors=colour, linewidths=width))
-                axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-                axes.set_title(kind, fontsize=12, color=INK)
-                axes.set_axis_off()
-            figure.suptitle(
-                f"{step * DT:.2f} s     filled: level {coarse}     blue line: level {fine}     black line: the truth",
-                fontsize=12,
-                color=INK,
-            )
-            canvas.draw()
-            film.add(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
+    for step in film_steps(0, len(truth) - 1, DT, FRAMES_PER_SECOND):
+        for axes, (kind, levels) in zip(panels, bars.items(), strict=True):
+            axes.clear()
+            corners = levels[coarse][step][meshes[coarse].cells]
+            axes.add_collection(PolyCollection(corners, facecolor=PALETTE[0], edgecolor="white", linewidth=0.6))
+            lines = ((levels[fine], rims[fine], PALETTE[1], 2.0), (truth, rims[-1], TRUTH_INK, 1.6))
+            for x, edges, colour, width in lines:
+                axes.add_collection(LineCollection(x[step][edges], colors=colour, linewidths=width))
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+            axes.set_title(kind, fontsize=12, color=INK)
+            axes.set_axis_off()
+        figure.suptitle(
+            f"{step * DT:.2f} s     filled: level {coarse}     blue line: level {fine}     black line: the truth",
+            fontsize=12,
+            color=INK,
+        )
+        canvas.draw()
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
 # ---- the ape
@@ -165,29 +165,28 @@ def ape_table(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray
     return table(["ape", *heights, "truth"], rows)
 
 
-def film_of_apes(out: Path, apes: Mapping[str, Run], true: Run) -> None:
-    """A column a kind, a row a level, and the truth in the last column."""
-    steps = range(STEPS + 1)
+def film_of_apes(apes: Mapping[str, Run], true: Run) -> Iterator[Image.Image]:
+    """Frames with a column a kind, a row a level, and the truth in the last column."""
     every = round(DT / TRUE_DT)
-    highest = [step * every for step in steps]  # the truth comes highest: all fits into its picture
-    camera = cameras_of_run(true, [true.levels[-1]], highest, (), aspect=CELL[0] / CELL[1])[0]
-    size = ((len(apes) + 1) * (CELL[0] + CELL_GAP), len(APE_SHOWN) * (HEADER + CELL[1] + CELL_GAP))
-    drawn = [(kind, run, 1) for kind, run in apes.items()] + [("truth", true, every)]
-    with FilmFile(out, FRAMES_PER_SECOND) as film:
-        pictures = [Image.new("RGB", size, BACKGROUND) for _ in steps]
-        for column, (kind, run, stride) in enumerate(drawn):
-            with Renderer(run, camera, CELL[0], (), 2) as renderer:
-                for step, picture in zip(steps, pictures, strict=True):
-                    pen = ImageDraw.Draw(picture)
-                    for row, index in enumerate(APE_SHOWN):
-                        level = run.levels[-1] if run is true else run.levels[index]
-                        x, y = column * (CELL[0] + CELL_GAP), row * (HEADER + CELL[1] + CELL_GAP)
-                        picture.paste(renderer.picture(level, step * stride), (x, y + HEADER))
-                        pen.text((x + 10, y + 14), kind, INK, font(15), anchor="lm")
-                        small = f"{step * DT:.2f} s" if run is true else f"level {index}, {len(level.rest):,} vertices"
-                        pen.text((x + 10, y + 31), small, FAINT_INK, font(13), anchor="lm")
-        for picture in pictures:
-            film.add(picture)
+    # The truth comes highest: all fits into its picture.
+    highest = [step * every for step in range(STEPS + 1)]
+    (camera, *_) = cameras_of_run(true, [true.levels[-1]], highest, aspect=CELL[0] / CELL[1])
+    kinds = [*apes.items(), ("truth", true)]
+    panes = [ape_pane(kind, run, index, run is true) for index in APE_SHOWN for kind, run in kinds]
+    moments = [[(step * (every if pane.run is true else 1), None) for pane in panes] for step in range(STEPS + 1)]
+    return frames(Renderer(camera, CELL), Grid(len(panes), len(kinds), CELL, above=HEADER), panes, moments)
+
+
+def ape_pane(kind: str, run: Run, index: int, true: bool) -> Pane:
+    """A place of the film: a level of a kind, or the finest one of the truth."""
+    level = run.levels[-1 if true else index]
+
+    def words(pen: Pen, step: int) -> None:
+        pen.text(10, 14 - HEADER, kind, 15)
+        note = f"{step * run.dt:.2f} s" if true else f"level {index}, {len(level.rest):,} vertices"
+        pen.text(10, 31 - HEADER, note, 13, FAINT_INK)
+
+    return Pane(run, level, words)
 
 
 # ---- both
@@ -213,3 +212,4 @@ def curves(out: Path, label: str, found: Mapping[str, Mapping[int, np.ndarray]],
         *panels[-1].get_legend_handles_labels(), fontsize=9, frameon=False, ncols=5, loc="outside lower center"
     )
     figure.savefig(out, dpi=110)
+    fit_picture(out)

@@ -37,10 +37,12 @@ def draw(path: Path, picture: Path) -> str:
     """Draws three moments of the finest level that has begun; there is nothing to note."""
     from pdvol.store.reader import open_run
     from pdvol.studio.draw.picture import render
+    from pdvol.studio.draw.views import Shot
 
     run = open_run(path)
     level = [level for level in run.levels if level.steps][-1]
-    render(run, picture, [level.index], sorted({0, (level.steps - 1) // 2, level.steps - 1}), cell_width=360, turn=25.0)
+    steps = sorted({0, (level.steps - 1) // 2, level.steps - 1})
+    render(run, picture, [level.index], steps, Shot(turn=25.0, width=360))
     return ""
 
 

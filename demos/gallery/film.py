@@ -6,6 +6,7 @@
 import io
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ from PIL import Image, ImageDraw
 from demos.gallery.entries import Entry
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
+from pdvol.studio.draw.compose import Grid, Pane, composed
 from pdvol.studio.draw.film import film_steps
 from pdvol.studio.draw.layout import BACKGROUND, INK, font
 from pdvol.studio.draw.picture import render
+from pdvol.studio.draw.views import Shot
 
 FRAMES_PER_SECOND = 24.0
 PAUSE = 0.75  # s that the last state stands before a film begins again
@@ -57,17 +60,17 @@ def film_frames(steps: int, dt: float, slow: tuple[float, float] | None) -> list
 def write_film(entry: Entry, run: Run, out: Path) -> Path:
     """The levels beside each other, as an animated WebP, which a page shows like a picture."""
     frames = film_frames(run.info["steps"], run.dt, entry.slow)
-    return fit_film(render(run, out, steps=frames, size=entry.size, fps=FRAMES_PER_SECOND, **_seen(entry)))
+    return fit_film(render(run, out, steps=frames, shot=replace(seen(entry), size=entry.size, fps=FRAMES_PER_SECOND)))
 
 
 def write_picture(entry: Entry, run: Run, out: Path) -> Path:
     """Rows are levels, columns are moments."""
-    return fit_picture(render(run, out, cell_width=260, **_seen(entry)))
+    return fit_picture(render(run, out, shot=replace(seen(entry), width=260)))
 
 
-def _seen(entry: Entry) -> dict[str, Any]:
-    """How `render` draws an entry."""
-    return {"turn": entry.turn, "view": entry.view, "cut": entry.cut, "render_meshes": entry.drawn}
+def seen(entry: Entry) -> Shot:
+    """How pictures and films show an entry."""
+    return Shot(entry.view, entry.turn, entry.cut, entry.drawn)
 
 
 def write_binding(run: Run, out: Path) -> Path:
@@ -86,18 +89,9 @@ def write_binding(run: Run, out: Path) -> Path:
 
 def write_tile(entry: Entry, run: Run, entries: Sequence[Entry], sheet: Path) -> Path:
     """The finest level at the entry's moment in its place of the contact sheet, its title below; other tiles stay."""
-    from pdvol.studio.draw.camera_path import cameras_of_run
-    from pdvol.studio.draw.cut import read_cut
-    from pdvol.studio.draw.renderer import Renderer
-    from pdvol.studio.draw.views import read_view
-
     step = min(round(entry.moment / run.dt), run.info["steps"])
     level = next(level for level in reversed(run.levels) if level.steps > step)
-    aspect = TILE[0] / TILE[1]
-    camera = cameras_of_run(run, [level], [step], run.obstacles, entry.turn, read_view(entry.view), False, aspect)[0]
-    cut = read_cut(entry.cut, run.info["bodies"], [str(obstacle.name) for obstacle in run.obstacles])
-    with Renderer(run, camera, TILE[0], run.obstacles, render_meshes=entry.drawn, cut=cut) as renderer:
-        tile = renderer.picture(level, step)
+    tile = next(composed([Pane(run, level)], [step], seen(entry), Grid(1, 1, TILE)))
     return place_tile(tile, entry, entries, sheet)
 
 

@@ -27,7 +27,6 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--render-meshes", action="store_true", help="bodies that carry render meshes are drawn as these"
     )
-    parser.add_argument("--turntable", action="store_true", help="the camera goes once round, also at one step")
     parser.add_argument(
         "--cut",
         default="",
@@ -40,25 +39,20 @@ def main(options: Namespace) -> None:
     """Draw, and print the file's name."""
     from pdvol.store.reader import open_run
     from pdvol.studio.draw.picture import render
+    from pdvol.studio.draw.views import Shot
 
     run = open_run(options.run)
     out = options.out or options.run / "picture.png"
-    levels, size, span = stored_levels(options.levels, run), _size(options.size), _span(options.frames)
-    print(
-        render(
-            run,
-            out,
-            levels=levels,
-            turn=options.turn,
-            size=size,
-            fps=options.fps,
-            span=span,
-            view=options.camera,
-            turntable=options.turntable,
-            render_meshes=options.render_meshes,
-            cut=options.cut,
-        )
+    shot = Shot(
+        view=options.camera,
+        turn=options.turn,
+        cut=options.cut,
+        render_meshes=options.render_meshes,
+        size=_size(options.size),
+        fps=options.fps,
+        span=_span(options.frames),
     )
+    print(render(run, out, stored_levels(options.levels, run), shot=shot))
 
 
 def _size(text: str) -> tuple[int, int] | None:
@@ -71,10 +65,10 @@ def _size(text: str) -> tuple[int, int] | None:
     return whole_number("--size", width), whole_number("--size", height)
 
 
-def _span(text: str) -> tuple[int, int | None] | None:
+def _span(text: str) -> tuple[int, int | None]:
     """`20:60`, `20:`, `:60` or `20` as first and last step; the last is None where the text leaves it open."""
     if not text:
-        return None
+        return 0, None
     first, colon, last = text.partition(":")
     begin = whole_number("--frames", first or "0" if colon else first)
     if not colon:

@@ -270,7 +270,7 @@ def test_a_folder_without_permission_is_noticed_first(tmp_path, capfd, monkeypat
     for module in (runner, preflight, mesh_hierarchy, mending):
         for name in ("prepared_levels", "check_scene", "check_meshes", "read_with_notes"):
             monkeypatch.setattr(module, name, None, raising=False)
-    monkeypatch.setattr(picture, "cameras_of_run", None)
+    monkeypatch.setattr(picture, "composed", None)
     monkeypatch.setattr(runner, "_prepare", None)
     for words in (
         ["run", scene, "--steps", 2, "--out", locked / "run", "--resume"],

@@ -18,7 +18,7 @@ from cli_scenes import FALL, pdvol, states, write
 from commands import PDVOL, SAFETY
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import open_run
-from pdvol.studio.draw.sheet import SheetLayout, shared_camera
+from pdvol.studio.draw.sheet import shared_camera, sheet_grid
 from pdvol.studio.wedge.results import tiles
 from pdvol.studio.wedge.wedge import Wedge, ordered, stored_runs
 
@@ -98,7 +98,7 @@ def test_the_film_shows_all_variations_and_failed_ones_with_their_reason(folder,
     shown = tiles(entries, stored_runs(wedge.out, entries))
     moves = [entry["number"] < 2 for entry in entries]
     assert [tile.note.startswith("failed: ") and "floor" in tile.note for tile in shown] == [not m for m in moves]
-    layout = SheetLayout.of(shown, shared_camera(shown).aspect, None)
+    layout = sheet_grid(shown, shared_camera(shown).aspect, None)
     with Image.open(tmp_path / "copy/w/sheet.png") as picture:
         sheet = np.asarray(picture.convert("RGB"), dtype=int)
     scale = np.array(frames[0].shape[:2]) / sheet.shape[:2]

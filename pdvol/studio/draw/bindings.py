@@ -10,20 +10,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyvista as pv
 import scipy.sparse as sp
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.files import make_folder
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera, fitted_camera
-from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, write_png
+from pdvol.studio.draw.compose import Grid, Pen
+from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK, write_png
+from pdvol.studio.draw.renderer import Window
 from pdvol.studio.shown import PALETTE
 
 if TYPE_CHECKING:
     from pdvol.levels.hierarchy import Hierarchy  # of finite elements, which drawing does not load
 
 CAPTION_HEIGHT = 64  # pixels above the two views
-OVERSAMPLING = 2  # pixels rendered for each pixel of the picture, along each side
 ZERO_COLOUR = (0.86, 0.85, 0.83)  # red, green and blue of vertices without a weight
 
 
@@ -70,26 +71,22 @@ def draw_binding(
     chosen = nearest_vertex(coarse, camera)
     column = weights[:, [chosen]].toarray()[:, 0]
     shown = np.unique(fine.boundary) if fine.dim == 3 else np.arange(len(fine.points))
-    pictures = [
-        _picture(coarse, fine, camera, width, shown, cell_colours(cells)),
-        _picture(coarse, fine, camera, width, shown, weight_colours(column)),
-    ]
     reach = f"on {np.count_nonzero(column):,} vertices, from {column.min():.2f} to {column.max():.2f}"
-    captions = [
+    homes = f"{len(fine.points):,} vertices in {len(np.unique(cells)):,} of {len(coarse.cells):,} cells"
+    grid = Grid(2, 2, (width, max(2, round(width / camera.aspect))), above=CAPTION_HEIGHT)
+    page = Image.new("RGB", grid.size, BACKGROUND)
+    for place, (colours, large, small) in enumerate(
         (
-            f"{title}: home cells",
-            f"{len(fine.points):,} vertices in {len(np.unique(cells)):,} of {len(coarse.cells):,} cells",
-        ),
-        (f"one of {len(coarse.points):,} coordinates", reach),
-    ]
-    sheet = Image.new("RGB", (2 * width + CELL_GAP, CAPTION_HEIGHT + pictures[0].height), BACKGROUND)
-    pen = ImageDraw.Draw(sheet)
-    for i, (picture, (large, small)) in enumerate(zip(pictures, captions, strict=True)):
-        x = i * (width + CELL_GAP)
-        sheet.paste(picture, (x, CAPTION_HEIGHT))
-        pen.text((x + width / 2, 0.36 * CAPTION_HEIGHT), large, INK, font(19), anchor="mm")
-        pen.text((x + width / 2, 0.74 * CAPTION_HEIGHT), small, FAINT_INK, font(14), anchor="mm")
-    return write_png(path, sheet)
+            (cell_colours(cells), f"{title}: home cells", homes),
+            (weight_colours(column), f"one of {len(coarse.points):,} coordinates", reach),
+        )
+    ):
+        pen = Pen(page, grid.corner(place), grid.picture)
+        with Window(camera, grid.picture, lighting="light kit") as window:
+            page.paste(_picture(window, coarse, fine, shown, colours[shown]), pen.corner)
+        pen.text(width / 2, -0.64 * CAPTION_HEIGHT, large, 19, anchor="mm")
+        pen.text(width / 2, -0.26 * CAPTION_HEIGHT, small, 14, FAINT_INK, "mm")
+    return write_png(path, page)
 
 
 def nearest_vertex(mesh: LevelMesh, camera: Camera) -> int:
@@ -124,52 +121,19 @@ def weight_colours(weights: np.ndarray) -> np.ndarray:
     return (1 - strength) * np.array(ZERO_COLOUR) + strength * full
 
 
-def _picture(
-    coarse: LevelMesh, fine: LevelMesh, camera: Camera, width: int, shown: np.ndarray, colours: np.ndarray
-) -> Image.Image:
-    size = (width, max(2, round(width / camera.aspect)))
-    with pv.vtk_verbosity("error"):  # without a display VTK prints long warnings
-        plotter = pv.Plotter(
-            off_screen=True,
-            window_size=[OVERSAMPLING * n for n in size],
-            lighting="light kit",
-            theme=pv.themes.DocumentTheme(),
-        )
-        try:
-            plotter.set_background(BACKGROUND)
-            camera.set_up(plotter.camera, parallel=fine.dim == 2)
-            # Points behind the fine surface are hidden by it; the coarse mesh is drawn as lines over both.
-            if fine.dim == 3:
-                surface = pv.PolyData.from_regular_faces(in_3d(fine.points), fine.boundary)
-                plotter.add_mesh(surface, color=BACKGROUND, ambient=0.35, diffuse=0.6, render=False, reset_camera=False)
-            facets = coarse.boundary if coarse.dim == 3 else coarse.cells
-            lines = pv.PolyData.from_regular_faces(in_3d(coarse.points), facets)
-            plotter.add_mesh(
-                lines,
-                style="wireframe",
-                color=INK,
-                opacity=0.5,
-                line_width=OVERSAMPLING,
-                lighting=False,
-                render=False,
-                reset_camera=False,
-            )
-            dots = pv.PolyData(in_3d(fine.points[shown]))
-            dots["colour"] = np.round(255 * colours[shown]).astype(np.uint8)
-            across = float(np.clip(0.55 * size[1] / np.sqrt(len(shown)), 3.0, 16.0))
-            plotter.add_mesh(
-                dots,
-                scalars="colour",
-                rgb=True,
-                style="points",
-                point_size=OVERSAMPLING * across,
-                render_points_as_spheres=True,
-                lighting=False,
-                render=False,
-                reset_camera=False,
-            )
-            plotter.render()
-            image = plotter.screenshot(None, return_img=True)
-        finally:
-            plotter.close()
-    return Image.fromarray(np.asarray(image)).resize(size, Image.Resampling.LANCZOS)
+def _picture(window: Window, coarse: LevelMesh, fine: LevelMesh, shown: np.ndarray, colours: np.ndarray) -> Image.Image:
+    """Dots of the colours (k, 3) at the fine vertices `shown` (k,), with the coarse mesh as lines over them. Vertices
+    behind the fine surface are hidden by it.
+    """
+    if fine.dim == 3:
+        surface = pv.PolyData.from_regular_faces(in_3d(fine.points), fine.boundary)
+        window.add(surface, color=BACKGROUND, ambient=0.35, diffuse=0.6)
+    lines = pv.PolyData.from_regular_faces(in_3d(coarse.points), coarse.boundary if coarse.dim == 3 else coarse.cells)
+    thin = window.oversampling
+    window.add(lines, style="wireframe", color=INK, opacity=0.5, line_width=thin, lighting=False)
+    dots = pv.PolyData(in_3d(fine.points[shown]))
+    dots["colour"] = np.round(255 * colours).astype(np.uint8)
+    size = window.oversampling * float(np.clip(0.55 * window.size[1] / np.sqrt(len(shown)), 3.0, 16.0))
+    style = {"style": "points", "point_size": size, "render_points_as_spheres": True, "lighting": False}
+    window.add(dots, scalars="colour", rgb=True, **style)
+    return window.image(window.camera)

@@ -30,36 +30,26 @@ class Cut:
         """Whether it cuts the body or obstacle of this name."""
         return name in self.names if self.names else body
 
-    def solid(self, points: np.ndarray, cells: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, 3) [m] and triangles of the surface of what is left of tetrahedra (m, 4), the section included.
+    def left(self, shape: Any, towards: np.ndarray) -> Any:
+        """The skin of what is left of a shape of pyvista: a solid is closed by the section, a surface is open there.
 
         Parameters
         ----------
-        points : (k, 3) [m]
         towards : (3,) from the scene to the camera
         """
-        import pyvista as pv  # takes a second to load, and views are read without it
+        normal = np.eye(3)[self.axis]
+        return skin(shape.clip(normal=normal, origin=self.place * normal, invert=bool(towards[self.axis] > 0.0)))
 
-        return self._left(pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points), towards)
 
-    def surface(self, points: np.ndarray, triangles: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What is left of a surface, open where it is cut; arguments as those of `solid`."""
-        import pyvista as pv
+def skin(shape: Any) -> Any:
+    """The boundary of a shape of pyvista in triangles, with its data on cells."""
+    return shape.extract_surface(algorithm="dataset_surface").triangulate().clean()
 
-        return self._left(pv.PolyData.from_regular_faces(points, triangles), towards)
 
-    def left(self, shape: Any, towards: np.ndarray) -> Any:
-        """What is left of a shape of pyvista, with its data on points and cells."""
-        normal, origin = np.eye(3)[self.axis], np.zeros(3)
-        origin[self.axis] = self.place
-        return shape.clip(normal=normal, origin=origin, invert=bool(towards[self.axis] > 0.0))
-
-    def _left(self, shape: Any, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        left = self.left(shape, towards)
-        if left.n_cells == 0:
-            return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-        skin = left.extract_surface(algorithm="dataset_surface").triangulate().clean()
-        return np.asarray(skin.points, dtype=float), skin.regular_faces
+def triangles(surface: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) [m] and triangles (m, 3) of a surface of pyvista, which may be empty."""
+    faces = surface.regular_faces if surface.n_cells else np.empty((0, 3), dtype=np.int64)
+    return np.asarray(surface.points, dtype=float).reshape(-1, 3), faces
 
 
 def read_cut(text: str, bodies: Sequence[str], obstacles: Sequence[str]) -> Cut | None:

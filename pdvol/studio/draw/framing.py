@@ -11,8 +11,7 @@ An obstacle is framed at the steps at which its box is within reach of the frame
 much larger than they are together, else only the part within reach.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -24,24 +23,6 @@ CORE_REACH = 1.5  # longest sides of the core: a row of equal distances is withi
 OBSTACLE_REACH = 0.3  # fraction of the bodies' diagonal within which obstacles count: a floor mesh may be far larger
 LARGEST_WHOLE = 2.0  # the bodies' diagonals: an obstacle up to this size is framed whole
 _OUTLINE_DIRECTIONS = 100  # in which a body's outermost points are kept: a ball appears 4 % too small at most
-
-
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """One body at one step: its number, and `points` (n, 3) [m], enough to frame it."""
-
-    body: int
-    points: np.ndarray
-
-    @property
-    def low(self) -> np.ndarray:
-        """(3,) [m]: lower bounds."""
-        return self.points.min(axis=0)
-
-    @property
-    def high(self) -> np.ndarray:
-        """(3,) [m]: upper bounds."""
-        return self.points.max(axis=0)
 
 
 def outermost(points: np.ndarray) -> np.ndarray:
@@ -86,25 +67,24 @@ def _longest(lows: np.ndarray, highs: np.ndarray) -> float:
     return float((highs.max(axis=0) - lows.min(axis=0)).max())
 
 
-def framed_points(samples: Iterable[Sample], obstacles: Iterable[np.ndarray]) -> np.ndarray:
+def framed_points(bodies: Sequence[int], samples: Sequence[np.ndarray], obstacles: Iterable[np.ndarray]) -> np.ndarray:
     """The points (n, 3) [m] that a picture frames.
 
     Parameters
     ----------
-    samples : at least one
+    bodies : of each sample its body's number
+    samples : at least one; points (k, 3) [m] of a body at a step, enough to frame it
     obstacles : vertices (m, 3) [m] of each obstacle at each step
     """
-    given = list(samples)
-    lows, highs = np.array([s.low for s in given]), np.array([s.high for s in given])
-    shown = in_scene(np.array([s.body for s in given]), lows, highs)
-    content = [sample.points for sample, kept in zip(given, shown, strict=True) if kept]
+    lows, highs = np.array([s.min(axis=0) for s in samples]), np.array([s.max(axis=0) for s in samples])
+    shown = in_scene(np.asarray(bodies), lows, highs)
+    content = [points for points, kept in zip(samples, shown, strict=True) if kept]
     low, high = lows[shown].min(axis=0), highs[shown].max(axis=0)
     diagonal = np.linalg.norm(high - low)
     low, high = low - OBSTACLE_REACH * diagonal, high + OBSTACLE_REACH * diagonal
     for vertices in obstacles:
         least, most = vertices.min(axis=0), vertices.max(axis=0)
-        if (most < low).any() or (least > high).any():
-            continue
-        whole = np.linalg.norm(most - least) <= LARGEST_WHOLE * diagonal
-        content.append(outermost(vertices if whole else np.clip(vertices, low, high)))
+        if (most >= low).all() and (least <= high).all():
+            whole = np.linalg.norm(most - least) <= LARGEST_WHOLE * diagonal
+            content.append(outermost(vertices if whole else np.clip(vertices, low, high)))
     return np.concatenate(content)

@@ -1,4 +1,4 @@
-"""Background, ink, fonts and spacing that all pictures share, and how pictures of several levels share a given size."""
+"""Background, ink, fonts and spacing that all pictures share, and their files."""
 
 import io
 from pathlib import Path
@@ -35,22 +35,3 @@ def cluster_name(cluster: int) -> str:
     while cluster >= 0:
         letters, cluster = chr(ord("A") + cluster % 26) + letters, cluster // 26 - 1
     return f"group {letters}"
-
-
-def grid(count: int, size: tuple[int, int], aspect: float, band: int) -> tuple[int, tuple[int, int]]:
-    """The columns, and the width and height of a cell [pixels], with which cells of a given shape are largest.
-
-    Parameters
-    ----------
-    count : cells
-    size : width and height of the whole [pixels]
-    aspect : width over height of what a cell shows
-    band : height of the text above each cell [pixels]
-    """
-    best = (0.0, 1, (0, 0))
-    for columns in range(1, count + 1):
-        rows = -(-count // columns)
-        width = (size[0] - CELL_GAP * (columns - 1)) // columns
-        height = (size[1] - CELL_GAP * (rows - 1)) // rows - band
-        best = max(best, (min(width / aspect, float(height)), columns, (width, height)), key=lambda found: found[0])
-    return best[1], best[2]

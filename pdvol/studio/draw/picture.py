@@ -2,32 +2,29 @@
 by side.
 """
 
-import tempfile
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from pdvol.errors import InputError
-from pdvol.stages import stage
+from pdvol.stages import say, stage
 from pdvol.store.files import require_place
-from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
-from pdvol.studio.draw.camera_path import cameras_of_run
-from pdvol.studio.draw.cut import read_cut
-from pdvol.studio.draw.film import FILM_ENDINGS, write_film
-from pdvol.studio.draw.hiding import hiding_obstacles
-from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, write_png
-from pdvol.studio.draw.renderer import Renderer
-from pdvol.studio.draw.views import read_view
+from pdvol.studio.draw.camera import cameras_of_run
+from pdvol.studio.draw.compose import Grid, Pane, Pen, composed
+from pdvol.studio.draw.film import FILM_ENDINGS, film_rate, film_steps, write_film
+from pdvol.studio.draw.layout import CELL_GAP, FAINT_INK, INK, write_png
+from pdvol.studio.draw.views import STANDARD_SHOT, Shot, read_view
 
 HIGHEST_RATE = 240.0  # frames a second: no screen shows more
 SMALLEST_SIDE, LARGEST_SIDE = 64, 8192  # pixels: captions must fit, and what is rendered in one piece
-_LEFT, _TOP = 132, 42  # pixels beside and above the moments, for captions
+CAPTIONS = (132, 42, CELL_GAP, CELL_GAP)  # pixels about the moments: captions are on the left and above
 COLUMNS = 5  # moments of a picture, where they are not chosen by step
 SAMPLED_STATES = 60  # states at which a run's motion is measured to choose moments: enough for five of them
+LANDSCAPE = (960, 540)  # pixels: size of a film of a single level
+FILM_HEADER = 64  # pixels above the pictures of a film, for captions
 
 
 def render(
@@ -35,41 +32,16 @@ def render(
     path: str | Path,
     levels: Sequence[int] | None = None,
     steps: Sequence[int] | None = None,
-    obstacles: Sequence[DrawnObstacle] | None = None,
-    cell_width: int | None = None,
-    turn: float = 0.0,
-    *,
-    size: tuple[int, int] | None = None,
-    fps: float | None = None,
-    span: tuple[int, int | None] | None = None,
-    view: str = "",
-    turntable: bool = False,
-    render_meshes: bool = False,
-    cut: str = "",
+    shot: Shot = STANDARD_SHOT,
 ) -> Path:
     """Draw a run off screen.
 
     Parameters
     ----------
-    run : Run
-        Finished or not.
+    run : finished or not
     path : .png, or .gif, .mp4 or .webp for a film
     levels : rows of the picture; all levels with a stored state when None
     steps : columns of the picture, or frames of the film; chosen over time and motion when None
-    obstacles : those stored in the run when None
-    cell_width : int [pixels]
-        Width of one moment; 420 when None, and films of a single level are then 960 x 540.
-    turn : float [degrees]
-        Angle of the camera about a 3D scene, from the front to its right.
-    size : width and height of the whole file [pixels], instead of `cell_width`
-    fps : frames a second of a film; it plays at real speed, each frame shows the nearest stored state
-    span : first and last step, both included, from which moments or frames are chosen; the last stored one when None
-    view : "front", "side", "top", "three-quarter", "follow:BODY", or "X,Y,Z:TX,TY,TZ" [m]
-    turntable : the camera goes once round a 3D scene during the film, or in the columns of a picture; a film of one
-        step then lasts six seconds. Obstacles that would hide a body are drawn so that it shows through.
-    render_meshes : bodies that carry render meshes are drawn as these
-    cut : "z=0.1" takes away what bodies of a 3D scene have before the plane z = 0.1 m, seen from the camera;
-        "z=0.1:NAME,..." cuts these bodies and obstacles alone
 
     Returns
     -------
@@ -83,61 +55,31 @@ def render(
         or a film's extra is not installed.
     """
     path = Path(path)
-    drawn = run.obstacles if obstacles is None else tuple(obstacles)
-    names = [str(obstacle.name) for obstacle in drawn]
-    seen = replace(read_view(view), cut=read_cut(cut, [str(name) for name in run.info.get("bodies", [])], names))
-    if path.suffix.lower() not in (".png", *FILM_ENDINGS):
-        raise InputError(f"{path}: the name of a picture ends in {', '.join(('.png', *FILM_ENDINGS))}")
-    if seen.cut is not None and run.levels[0].rest.shape[1] == 2:
-        raise InputError(f"--cut: {run.path} is 2D, and nothing hides anything there")
-    is_film = path.suffix.lower() != ".png"
-    _check_size(size, is_film)
-    if fps is not None and not (is_film and 0.0 < fps <= HIGHEST_RATE):
-        endings = ", ".join(FILM_ENDINGS)
-        raise InputError(f"fps = {fps:g}: a {endings} has more than 0 and up to {HIGHEST_RATE:g} frames a second")
+    ending, endings = path.suffix.lower(), ", ".join(FILM_ENDINGS)
+    if ending not in (".png", *FILM_ENDINGS):
+        raise InputError(f"{path}: the name of a picture ends in .png, {endings}")
+    if shot.size is not None:
+        (width, height), name = shot.size, f"size = {shot.size[0]}x{shot.size[1]}"
+        if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in shot.size):
+            raise InputError(f"{name}: each side has {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
+        if ending != ".png" and (width % 2 or height % 2):
+            raise InputError(f"{name}: films need even numbers; take {width // 2 * 2}x{height // 2 * 2}")
+    if shot.fps is not None and not (ending != ".png" and 0.0 < shot.fps <= HIGHEST_RATE):
+        raise InputError(f"fps = {shot.fps:g}: a {endings} has more than 0 and up to {HIGHEST_RATE:g} frames a second")
     shown = _levels(run, levels)
-    last = max(level.steps for level in shown) - 1
-    if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > last):
-        raise InputError(f"{run.path}: steps to draw must lie between 0 and {last}, not {list(steps)}")
-    begin, end = _checked_span(run, span, last)
+    first, last = _span(run, shown, steps, shot)
+    rate = film_rate(run.dt, shot.fps, gif=ending == ".gif")
+    if steps is None and ending == ".png":
+        steps = chosen_steps(shown[0], last, COLUMNS, first)
+    elif steps is None:
+        steps = film_steps(first, last, run.dt, rate)
     require_place(path.parent)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if is_film:
-        with stage(f"drawing {path.name}"):
-            return write_film(
-                run,
-                path,
-                shown,
-                steps,
-                drawn,
-                cell_width,
-                turn,
-                size=size,
-                fps=fps,
-                span=(begin, end),
-                view=seen,
-                turntable=turntable,
-                render_meshes=render_meshes,
-            )
-    moments = chosen_steps(shown[0], end, COLUMNS, begin) if steps is None else list(steps)
-    if steps is None and begin == end and turntable:
-        moments = [begin] * COLUMNS
-    width, aspect = cell_width or 420, None
-    if size is not None:
-        width, height = _cell_size(size, len(moments), len(shown))
-        aspect = width / height
     with stage(f"drawing {path.name}"):
-        cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
-        through = hiding_obstacles(shown[-1], drawn, moments, cameras) if turntable else frozenset()
-        with Renderer(
-            run, cameras[0], width, drawn, render_meshes=render_meshes, cut=seen.cut, seen_through=through
-        ) as renderer:
-            cells = [
-                [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
-                for level in shown
-            ]
-    sheet = _sheet(cells, [f"{step * run.dt:.3g} s" for step in moments], shown, size)
-    return write_png(path, sheet)
+        if ending == ".png":
+            return write_png(path, still(run, shown, steps, shot))
+        frames = film_frames(run, shown, steps, shot)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return write_film(path, _counted(frames, len(steps)), rate)
 
 
 def picture(
@@ -172,39 +114,70 @@ def picture(
     InputError
         Nothing is stored, or a level, step, view or body does not exist.
     """
-    with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
-        path = Path(folder) / "run.png"
-        file = render(run, path, levels=levels, steps=steps, cell_width=width, turn=turn, view=camera)
-        with Image.open(file) as drawn:
-            return drawn.convert("RGB")
+    shown, shot = _levels(run, levels), Shot(camera, turn, width=width)
+    first, last = _span(run, shown, steps, shot)
+    return still(run, shown, chosen_steps(shown[0], last) if steps is None else steps, shot)
 
 
-def _check_size(size: tuple[int, int] | None, is_film: bool) -> None:
-    if size is None:
-        return
-    name = f"size = {size[0]}x{size[1]}"
-    if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in size):
-        raise InputError(f"{name}: each side has {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
-    if is_film and any(side % 2 for side in size):
-        raise InputError(f"{name}: films need even numbers; take {size[0] // 2 * 2}x{size[1] // 2 * 2}")
+def still(run: Run, levels: Sequence[RunLevel], steps: Sequence[int], shot: Shot) -> Image.Image:
+    """A picture with a row for each level and a column for each step.
+
+    Raises
+    ------
+    InputError
+        The shot does not fit the run.
+    """
+    rows, columns = len(levels), len(steps)
+    grid = Grid(rows * columns, columns, margin=CAPTIONS)
+    if shot.size is not None:
+        grid = grid.filling(shot.size)
+
+    def pane(level: RunLevel, column: int) -> Pane:
+        def words(pen: Pen, step: int) -> None:
+            width, height = pen.size
+            if step >= level.steps:
+                pen.text(width / 2, height / 2, "not simulated yet", 15, FAINT_INK, "mm")
+            if level is levels[0]:
+                pen.text(width / 2, 2 - CAPTIONS[1] / 2, f"{step * run.dt:.3g} s", 19, anchor="mm")
+            if column == 0:
+                pen.text(20 - CAPTIONS[0], height / 2 - 13, f"level {level.index}", 21)
+                pen.text(20 - CAPTIONS[0], height / 2 + 13, f"{len(level.rest):,} vertices", 14, FAINT_INK)
+
+        return Pane(run, level if steps[column] < level.steps else None, words)
+
+    panes = [pane(level, column) for level in levels for column in range(columns)]
+    return next(composed(panes, steps, shot, grid, [list(range(columns)) * rows]))
 
 
-def _checked_span(run: Run, span: tuple[int, int | None] | None, last: int) -> tuple[int, int]:
-    begin, end = (0, None) if span is None else span
-    end = last if end is None else end
-    if not 0 <= begin <= end <= last:
-        raise InputError(f"{run.path}: steps {begin}:{end} are not stored; there are steps 0:{last}")
-    return begin, end
+def film_frames(run: Run, levels: Sequence[RunLevel], steps: Sequence[int], shot: Shot) -> Iterator[Image.Image]:
+    """The frames of a film, one for each step: all levels beside each other. A level that is not simulated that far
+    keeps its last state, with its time in grey.
+
+    Raises
+    ------
+    InputError
+        The shot does not fit the run.
+    """
+
+    grid = Grid(len(levels), len(levels), above=FILM_HEADER)
+    size = shot.size or (LANDSCAPE if shot.width is None and len(levels) == 1 else None)
+    if size is not None:
+        grid = grid.filling(size, cameras_of_run(run, levels, steps, read_view(shot.view, shot.turn))[0].aspect)
+    panes = [film_pane(run, level, f"level {level.index}", f"{len(level.rest):,} vertices") for level in levels]
+    return composed(panes, steps, shot, grid)
 
 
-def _cell_size(size: tuple[int, int], columns: int, rows: int) -> tuple[int, int]:
-    """Width and height of a moment in a picture of a given size [pixels]."""
-    width, height = (size[0] - _LEFT) // columns - CELL_GAP, (size[1] - _TOP) // rows - CELL_GAP
-    if min(width, height) < 32:
-        raise InputError(
-            f"{size[0]}x{size[1]} pixels are too small for {rows} levels at {columns} moments; choose a larger size"
-        )
-    return width, height
+def film_pane(run: Run, level: RunLevel, title: str, note: str, colours: np.ndarray | None = None) -> Pane:
+    """A place in a film, with a title, a note and the time above it; of its colours, see `Pane`."""
+
+    def words(pen: Pen, step: int) -> None:
+        held = min(step, level.steps - 1)
+        pen.text(16, 22 - FILM_HEADER, title, 19)
+        pen.text(16, 46 - FILM_HEADER, note, 14, FAINT_INK)
+        ink = INK if held == step else FAINT_INK
+        pen.text(pen.size[0] - 16, 22 - FILM_HEADER, f"{held * run.dt:.2f} s", 17, ink, "rm")
+
+    return Pane(run, level, words, colours)
 
 
 def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS, first: int = 0) -> list[int]:
@@ -232,12 +205,19 @@ def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS, first: int = 
     return sorted({int(step) for step in steps} | ({last} if last > stored else set()))
 
 
+def _counted(frames: Iterator[Image.Image], count: int) -> Iterator[Image.Image]:
+    """The frames, each of which the stage names."""
+    for number, frame in enumerate(frames, 1):
+        say(f"frame {number} of {count}")
+        yield frame
+    say(f"{count} frames")
+
+
 def _levels(run: Run, wanted: Sequence[int] | None) -> list[RunLevel]:
     if wanted is None:
-        shown = [level for level in run.levels if level.steps]
-        if not shown:
+        wanted = [level.index for level in run.levels if level.steps]
+        if not wanted:
             raise InputError(f"{run.path} has no stored state to draw")
-        return shown
     for index in wanted:
         if not 0 <= index < len(run.levels) or run.levels[index].steps == 0:
             raise InputError(f"{run.path} has no stored state of level {index}")
@@ -246,21 +226,13 @@ def _levels(run: Run, wanted: Sequence[int] | None) -> list[RunLevel]:
     return [run.levels[index] for index in wanted]
 
 
-def _sheet(
-    cells: list[list[Image.Image]], times: list[str], levels: Sequence[RunLevel], size: tuple[int, int] | None
-) -> Image.Image:
-    """The cells with the levels' names on the left and the times above; as large as they are where `size` is None."""
-    width, height = cells[0][0].size
-    left, top = _LEFT, _TOP
-    own = (left + len(times) * (width + CELL_GAP), top + len(levels) * (height + CELL_GAP))
-    sheet = Image.new("RGB", own if size is None else size, BACKGROUND)
-    pen = ImageDraw.Draw(sheet)
-    for j, time in enumerate(times):
-        pen.text((left + j * (width + CELL_GAP) + width / 2, top / 2 + 2), time, INK, font(19), anchor="mm")
-    for i, (row, level) in enumerate(zip(cells, levels, strict=True)):
-        y = top + i * (height + CELL_GAP)
-        pen.text((20, y + height / 2 - 13), f"level {level.index}", INK, font(21), anchor="lm")
-        pen.text((20, y + height / 2 + 13), f"{len(level.rest):,} vertices", FAINT_INK, font(14), anchor="lm")
-        for j, image in enumerate(row):
-            sheet.paste(image, (left + j * (width + CELL_GAP), y))
-    return sheet
+def _span(run: Run, levels: Sequence[RunLevel], steps: Sequence[int] | None, shot: Shot) -> tuple[int, int]:
+    """The first and the last step of which moments are chosen, where all that are asked for are stored."""
+    stored = max(level.steps for level in levels) - 1
+    if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > stored):
+        raise InputError(f"{run.path}: steps to draw must lie between 0 and {stored}, not {list(steps)}")
+    first, last = shot.span
+    last = stored if last is None else last
+    if not 0 <= first <= last <= stored:
+        raise InputError(f"{run.path}: steps {first}:{last} are not stored; there are steps 0:{stored}")
+    return first, last

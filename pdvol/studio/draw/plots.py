@@ -2,17 +2,16 @@
 parameters of variations against their scores.
 """
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from pdvol.errors import InputError
-from pdvol.store.files import write_bytes
-from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
+from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK, write_png
 from pdvol.studio.shown import PALETTE
 
 PANELS = {
@@ -141,9 +140,7 @@ def _places(column: Sequence[object]) -> tuple[np.ndarray, list[str]]:
 
 def _written(figure: Figure, path: Path) -> Path:
     """Write a figure as .png into a folder that is made where there is none."""
-    FigureCanvasAgg(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, buffer.getvalue())
-    return path
+    figure.set_dpi(DPI)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return write_png(path, Image.fromarray(np.asarray(canvas.buffer_rgba())))

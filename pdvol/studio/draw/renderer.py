@@ -1,23 +1,20 @@
 """Renders levels at steps, with one camera and one set of lights for a whole picture or film. Needs no display."""
 
-from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import lazy_loader
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 
-from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.contact_shadows import shadow_map
-from pdvol.studio.draw.cut import Cut
-from pdvol.studio.draw.hiding import SEEN_THROUGH
-from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, font
-from pdvol.studio.shown import CREASE_ANGLE, GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops
+from pdvol.studio.draw.cut import Cut, skin, triangles
+from pdvol.studio.draw.layout import BACKGROUND
+from pdvol.studio.shown import CREASE_ANGLE, GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops, plane_piece
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -25,92 +22,76 @@ else:
     pv = lazy_loader.load("pyvista")  # takes two seconds, and `from pdvol import *` draws nothing
 
 _MATERIAL = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}  # of bodies and obstacles in 3D
+_PAINT = {"ambient": 0.62, "diffuse": 0.58, "specular": 0.06}  # of cells with colours: light that spares them
 
 
-class Renderer:
-    """Renders pictures of one size, inside a `with` block.
+class Window:
+    """Renders pictures of one size without a display, inside a `with` block.
 
     Parameters
     ----------
-    run : Run
-    camera : Camera
-        Of every picture that names no other one. The lights belong to it: they rest when another camera turns.
-    width : of a picture [pixels]; the height follows from the camera
-    obstacles : drawn beside the bodies
-    oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
-    render_meshes : whether bodies that carry render meshes are drawn as these
-    cut : takes away a part of 3D scenes
-    seen_through : the numbers of obstacles that are drawn so that what is behind them shows
-
-    Attributes
-    ----------
+    camera : of the lights, and of pictures that name no other one
     size : (width, height) of a picture [pixels]
+    oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
+    lighting : pyvista's name of a set of lights
     """
 
-    def __init__(
-        self,
-        run: Run,
-        camera: Camera,
-        width: int,
-        obstacles: Sequence[DrawnObstacle],
-        oversampling: int = 2,
-        render_meshes: bool = False,
-        cut: Cut | None = None,
-        seen_through: frozenset[int] = frozenset(),
-    ):
-        self._carried = {mesh: _texture_of(mesh) for mesh in (run.render_meshes if render_meshes else ())}
-        self.run, self.camera, self.obstacles, self._cut = run, camera, tuple(obstacles), cut
-        self._seen_through = seen_through
-        self.size = (width, max(2, round(width / camera.aspect)))
-        self.oversampling = oversampling
-        self._dim = run.levels[0].rest.shape[1]
-        self._view = camera
-        self._drawn: tuple = ()
+    def __init__(self, camera: Camera, size: tuple[int, int], oversampling: int = 2, lighting: str = "none"):
+        self.camera, self.size, self.oversampling = camera, size, oversampling
+        self._lighting = lighting
 
-    def picture(self, level: RunLevel, step: int, camera: Camera | None = None) -> Image.Image:
-        """One level at one step; where the step is not simulated yet, a picture with a note.
-
-        Parameters
-        ----------
-        camera : instead of the renderer's own, of the same aspect
-        """
-        if step >= level.steps:
-            image = Image.new("RGB", self.size, BACKGROUND)
-            middle = (self.size[0] / 2, self.size[1] / 2)
-            ImageDraw.Draw(image).text(middle, "not simulated yet", FAINT_INK, font(15), anchor="mm")
-            return image
-        self._view = self.camera if camera is None else camera
-        self._view.set_up(self._plotter.camera, parallel=self._dim == 2)
-        drawn = (level, step, *self._view.focus, self._view.distance)
-        if drawn != self._drawn:  # a camera that goes round a standing moment shows the same things
-            self._plotter.clear_actors()
-            positions = in_3d(level.positions(step))
-            (self._draw_flat if self._dim == 2 else self._draw_solid)(level, positions, step)
-            self._drawn = drawn
-        self._plotter.render()
-        rendered = Image.fromarray(np.asarray(self._plotter.screenshot(None, return_img=True)))
-        return rendered.resize(self.size, Image.Resampling.LANCZOS)
-
-    def __enter__(self) -> "Renderer":
+    def __enter__(self) -> Self:
         with ExitStack() as stack:
             stack.enter_context(pv.vtk_verbosity("error"))  # without a display VTK prints long warnings
-            window = [self.oversampling * n for n in self.size]
-            self._plotter = pv.Plotter(
-                off_screen=True, window_size=window, lighting="none", theme=pv.themes.DocumentTheme()
-            )
-            stack.callback(self._plotter.close)
-            self._setup()
+            window, theme = [self.oversampling * n for n in self.size], pv.themes.DocumentTheme()
+            self.plotter = pv.Plotter(off_screen=True, window_size=window, lighting=self._lighting, theme=theme)
+            stack.callback(self.plotter.close)
+            self.plotter.set_background(BACKGROUND)
             self._open = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._open.close()
 
-    def _setup(self) -> None:
-        camera, plotter = self.camera, self._plotter
-        plotter.set_background(BACKGROUND)
-        camera.set_up(plotter.camera, parallel=self._dim == 2)
-        if self._dim == 3:
+    def add(self, shape: Any, **style: Any) -> None:
+        """Add a shape of pyvista; `style` as for its `add_mesh`."""
+        self.plotter.add_mesh(shape, reset_camera=False, render=False, **style)
+
+    def image(self, camera: Camera) -> Image.Image:
+        """What has been added, seen by a camera."""
+        camera.set_up(self.plotter.camera)
+        self.plotter.render()
+        rendered = Image.fromarray(np.asarray(self.plotter.screenshot(None, return_img=True)))
+        return rendered.resize(self.size, Image.Resampling.LANCZOS)
+
+
+class Renderer(Window):
+    """Renders levels of runs.
+
+    Parameters
+    ----------
+    camera, size, oversampling : as for `Window`
+    render_meshes : whether bodies that carry render meshes are drawn as these
+    cut : takes away a part of 3D scenes
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        oversampling: int = 2,
+        render_meshes: bool = False,
+        cut: Cut | None = None,
+    ):
+        super().__init__(camera, size, oversampling)
+        self._render_meshes, self._cut, self._view = render_meshes, cut, camera
+        self._textures: dict[StoredRender, pv.Texture | None] = {}
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        camera = self.camera
+        camera.set_up(self.plotter.camera)
+        if camera.dim == 3:
             # The directions the three lights come from: a warm main light, a cool one from the right, one from behind.
             self._light = 0.75 * camera.up - 0.42 * camera.right + 0.5 * camera.towards
             for direction, colour, power in (
@@ -118,52 +99,73 @@ class Renderer:
                 (0.9 * camera.right + 0.1 * camera.up + 0.5 * camera.towards, "#dfeaff", 0.34),
                 (camera.up - 0.6 * camera.towards, "#ffffff", 0.3),
             ):
-                plotter.add_light(
-                    pv.Light(position=camera.focus + direction, focal_point=camera.focus, color=colour, intensity=power)
-                )
-            plotter.enable_ssao(radius=0.06 * camera.size, bias=0.002 * camera.size, kernel_size=48, blur=True)
+                place = {"position": camera.focus + direction, "focal_point": camera.focus}
+                self.plotter.add_light(pv.Light(**place, color=colour, intensity=power))
+            self.plotter.enable_ssao(radius=0.06 * camera.size, bias=0.002 * camera.size, kernel_size=48, blur=True)
+        return self
 
-    def _width(self, pixels: float) -> float:
-        """A line's width in the pixels of the finished picture."""
-        return self.oversampling * pixels
-
-    # ---- 3D
-
-    def _draw_solid(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
-        facets, owners = level.surface, level.mesh.point_bodies[level.surface[:, 0]]
-        carried = [mesh.body for mesh in self._carried]
-        shapes = [positions[facets[np.isin(owners, carried)]]]
-        for mesh, texture in self._carried.items():
-            self._add_render_mesh(mesh, texture, level.render_weights(mesh) @ positions)
-        shapes += [self.draw_body(level, int(body), positions, step) for body in np.setdiff1d(owners, carried)]
-        for number, obstacle in enumerate(level.placed(self.obstacles, step)):
-            if obstacle.kind == "mesh":
-                opacity = float(obstacle.arrays.get("opacity", 1.0))
-                opacity = min(opacity, SEEN_THROUGH) if number in self._seen_through else opacity
-                vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
-                if self._cut is not None and self._cut.through(str(obstacle.name), False):
-                    vertices, faces = self._cut.surface(vertices, faces, self._view.towards)
-                shapes.append(vertices[faces])
-                self._add_surface(vertices, faces, pv.Color(OBSTACLE), len(faces) >= 200, 0.0, opacity)
-        for obstacle in level.placed(self.obstacles, step):
-            if obstacle.kind == "plane":
-                self._add_plane(*obstacle.plane(step), np.concatenate(shapes))
-
-    def draw_body(self, level: RunLevel, body: int, positions: np.ndarray, step: int) -> np.ndarray:
-        """Draw a body of a 3D scene in its colour; gives the corners (k, 3, 3) [m] of its triangles, for shadows.
+    def picture(
+        self, run: Run, level: RunLevel, step: int, camera: Camera | None = None, colours: np.ndarray | None = None
+    ) -> Image.Image:
+        """One level of a run at one step.
 
         Parameters
         ----------
-        positions : (n, 3) [m], of all vertices of the level at `step`
+        camera : instead of the renderer's, in the same direction and of the same aspect
+        colours : (m, 3) in [0, 1], of the level's cells in 3D; those of bodies when None
         """
-        mine = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
-        colour = pv.Color(PALETTE[body % len(PALETTE)])
-        edges = float(np.clip(12.0 / np.sqrt(len(mine)), 0.15, 0.5))  # many edges must not blacken the body
-        points, smooth = positions, len(mine) >= SMOOTH_FROM
-        if self._cut is not None and self._cut.through(str(self.run.info["bodies"][body]), True):
-            points, mine = self._cut.solid(positions, level.cells[level.bodies == body], self._view.towards)
-        self._add_surface(points, mine, colour, smooth, edges)
-        return points[mine]
+        self._view = camera or self.camera
+        self.plotter.clear_actors()
+        positions = in_3d(level.positions(step))
+        if self._view.dim == 2:
+            self._draw_flat(run, level, positions, step)
+        else:
+            self._draw_solid(run, level, positions, step, colours)
+        return self.image(self._view)
+
+    # ---- 3D
+
+    def _draw_solid(
+        self, run: Run, level: RunLevel, positions: np.ndarray, step: int, colours: np.ndarray | None
+    ) -> None:
+        carried = run.render_meshes if self._render_meshes else ()
+        owners, drawn = level.mesh.point_bodies[level.surface[:, 0]], [mesh.body for mesh in carried]
+        shapes = [positions[level.surface[np.isin(owners, drawn)]]]  # corners (k, 3, 3) [m] of triangles, for shadows
+        for mesh in carried:
+            self._add_render_mesh(mesh, level.render_weights(mesh) @ positions)
+        for body in np.setdiff1d(owners, drawn):
+            facets, mine, colour = level.surface[owners == body], level.bodies == body, PALETTE[body % len(PALETTE)]
+            cut = self._cut_of(str(run.info["bodies"][body]), True)
+            smooth = len(facets) >= SMOOTH_FROM
+            edges = float(np.clip(12.0 / np.sqrt(len(facets)), 0.15, 0.5))  # many edges must not blacken the body
+            points = positions
+            if cut or colours is not None:
+                solid: Any = pv.UnstructuredGrid({pv.CellType.TETRA: level.cells[mine]}, positions)
+                if colours is not None:
+                    solid.cell_data["colour"] = np.round(255 * colours).astype(np.uint8)[mine]
+                left = cut.left(solid, self._view.towards) if cut else skin(solid)
+                points, facets = triangles(left)
+            if colours is None:
+                self._add_surface(points, facets, pv.Color(colour), smooth, edges)
+            elif len(facets):
+                self.add(left, scalars="colour", rgb=True, smooth_shading=False, **_PAINT)
+            shapes.append(points[facets])
+        obstacles = level.placed(run.obstacles, step)
+        for obstacle in obstacles:
+            if obstacle.kind == "mesh":
+                points, faces = obstacle.vertices(step), obstacle.arrays["faces"]
+                opacity, smooth = float(obstacle.arrays.get("opacity", 1.0)), len(faces) >= 200
+                if cut := self._cut_of(obstacle.name, False):
+                    surface = pv.PolyData.from_regular_faces(points, faces)
+                    points, faces = triangles(cut.left(surface, self._view.towards))
+                shapes.append(points[faces])
+                self._add_surface(points, faces, pv.Color(OBSTACLE), smooth, 0.0, opacity)
+        for obstacle in obstacles:
+            if obstacle.kind == "plane":
+                self._add_plane(*obstacle.plane(step), np.concatenate(shapes))
+
+    def _cut_of(self, name: str, body: bool) -> Cut | None:
+        return self._cut if self._cut is not None and self._cut.through(name, body) else None
 
     def _add_surface(
         self,
@@ -183,22 +185,28 @@ class Renderer:
             style |= {"split_sharp_edges": True, "feature_angle": CREASE_ANGLE}
         if edges:
             style |= {"show_edges": True, "edge_color": _darker(colour, 0.45), "edge_opacity": edges}
-            style["line_width"] = self._width(0.5)
-        self._plotter.add_mesh(surface, color=colour, opacity=opacity, **style, reset_camera=False, render=False)
+            style["line_width"] = self.oversampling * 0.5
+        self.add(surface, color=colour, opacity=opacity, **style)
 
-    def _add_render_mesh(self, mesh: StoredRender, texture: "pv.Texture | None", points: np.ndarray) -> None:
+    def _add_render_mesh(self, mesh: StoredRender, points: np.ndarray) -> None:
+        """Add a render mesh with vertices at `points` (n, 3) [m]. Normals are smooth across seams, places in the
+        texture are not: each corner of a triangle is a point.
+        """
+        if mesh not in self._textures:
+            self._textures[mesh] = _texture_of(mesh)
+        smooth = pv.PolyData.from_regular_faces(points, mesh.welded)
+        smooth = smooth.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
+        corners = mesh.fans.ravel()
+        split = pv.PolyData.from_regular_faces(points[mesh.corners[corners]], np.arange(len(corners)).reshape(-1, 3))
+        split.point_data["Normals"] = np.asarray(smooth.point_data["Normals"])[mesh.first[mesh.corners[corners]]]
+        split.point_data.active_normals_name = "Normals"
+        if len(mesh.uvs):
+            split.active_texture_coordinates = mesh.uvs[mesh.uv_corners[corners]]
+        texture = self._textures[mesh]
         colour = None if texture else pv.Color(PALETTE[mesh.body % len(PALETTE)])
-        self._plotter.add_mesh(
-            _drawn_mesh(mesh, points),
-            color=colour,
-            texture=texture,
-            smooth_shading=True,
-            **_MATERIAL,
-            reset_camera=False,
-            render=False,
-        )
+        self.add(split, color=colour, texture=texture, smooth_shading=True, **_MATERIAL)
 
-    def _add_plane(self, point: np.ndarray, normal: np.ndarray, triangles: np.ndarray) -> None:
+    def _add_plane(self, point: np.ndarray, normal: np.ndarray, shapes: np.ndarray) -> None:
         camera = self._view
         if (camera.position - point) @ normal <= 0:
             return  # from behind the plane would hide the scene
@@ -206,7 +214,7 @@ class Renderer:
         e0 /= np.linalg.norm(e0)
         e1 = np.cross(normal, e0)
         centre = camera.focus - ((camera.focus - point) @ normal) * normal
-        local = (triangles - centre) @ np.column_stack([e0, e1, normal])
+        local = (shapes - centre) @ np.column_stack([e0, e1, normal])
         light = np.array([self._light @ e0, self._light @ e1]) / max(
             self._light @ normal, 0.5 * np.linalg.norm(self._light)
         )
@@ -218,49 +226,42 @@ class Renderer:
         # The first row of an image is its top.
         image = pv.Texture(np.ascontiguousarray(texture[::-1]))
         image.interpolate = True
-        self._plotter.add_mesh(quad, texture=image, lighting=False, reset_camera=False, render=False)
+        self.add(quad, texture=image, lighting=False)
 
     # ---- 2D
 
-    def _draw_flat(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
+    def _draw_flat(self, run: Run, level: RunLevel, positions: np.ndarray, step: int) -> None:
         coarseness = float(np.clip(14.0 / np.sqrt(len(level.cells)), 0.2, 1.0))
         for body in np.unique(level.bodies):
             colour = pv.Color(PALETTE[body % len(PALETTE)])
             mine = level.cells[level.bodies == body]
-            ink, width = _darker(colour, 0.8 - 0.2 * coarseness), self._width(0.5 + 0.7 * coarseness)
+            ink, width = _darker(colour, 0.8 - 0.2 * coarseness), self.oversampling * (0.5 + 0.7 * coarseness)
             self._fill(positions, mine, colour, 0.0, show_edges=True, edge_color=ink, line_width=width)
             outline = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
             self._lines(positions, outline, _darker(colour, 0.5), 2.0)
-        for obstacle in level.placed(self.obstacles, step):
+        for obstacle in level.placed(run.obstacles, step):
             if obstacle.kind == "plane":
                 self._add_half_space(*(in_3d(v[None])[0] for v in obstacle.plane(step)))
             elif obstacle.kind == "polyline":
                 vertices, edges = in_3d(obstacle.vertices(step)), obstacle.arrays["edges"]
                 for loop in closed_loops(edges):
                     polygon = pv.PolyData(vertices[loop], faces=[len(loop), *range(len(loop))]).triangulate()
-                    self._fill(np.asarray(polygon.points), polygon.regular_faces, pv.Color(OBSTACLE), -0.1)
+                    self._fill(*triangles(polygon), pv.Color(OBSTACLE), -0.1)
                 self._lines(vertices, edges, _darker(pv.Color(OBSTACLE), 0.55), 2.5)
 
     def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: "pv.Color", depth: float, **edges: Any) -> None:
         surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self._view.size], triangles)
-        self._plotter.add_mesh(surface, color=colour, lighting=False, reset_camera=False, render=False, **edges)
+        self.add(surface, color=colour, lighting=False, **edges)
 
     def _lines(self, points: np.ndarray, segments: np.ndarray, colour: "pv.Color", width: float) -> None:
         raised = points + [0, 0, 0.05 * self._view.size]
         lines = pv.PolyData(raised, lines=np.insert(segments, 0, 2, axis=1).ravel())
-        self._plotter.add_mesh(
-            lines, color=colour, line_width=self._width(width), lighting=False, reset_camera=False, render=False
-        )
+        self.add(lines, color=colour, line_width=self.oversampling * width, lighting=False)
 
     def _add_half_space(self, point: np.ndarray, normal: np.ndarray) -> None:
-        along = np.array([-normal[1], normal[0], 0.0])
-        middle = point + ((self._view.focus - point) @ along) * along
-        reach = 4 * self._view.size
-        corners = middle + np.array(
-            [-reach * along, reach * along, reach * along - reach * normal, -reach * along - reach * normal]
-        )
+        corners = plane_piece(point[:2], normal[:2], self._view.focus, normal[:2], 4 * self._view.size)
         self._fill(corners, np.array([[0, 1, 2], [0, 2, 3]]), pv.Color(GROUND), -0.2)
-        self._lines(corners[:2], np.array([[0, 1]]), _darker(pv.Color(GROUND), 0.7), 2.0)
+        self._lines(corners[[0, 3]], np.array([[0, 1]]), _darker(pv.Color(GROUND), 0.7), 2.0)
 
 
 def _darker(colour: "pv.Color", factor: float) -> "pv.Color":
@@ -276,21 +277,6 @@ def _ground(lit: np.ndarray) -> np.ndarray:
     colour = (1 - fade) * pv.Color(GROUND).float_rgb + fade * np.array(pv.Color(BACKGROUND).float_rgb)
     tint = 1 - (1 - lit[..., None]) * np.array([1.0, 0.97, 0.9])  # shadows are a little blue
     return np.round(255 * colour * tint).astype(np.uint8)
-
-
-def _drawn_mesh(mesh: StoredRender, points: np.ndarray) -> "pv.PolyData":
-    """A render mesh: its triangles with vertices at `points` (n, 3) [m], each corner for itself. Normals are smooth
-    across seams, places in the texture are not.
-    """
-    smooth = pv.PolyData.from_regular_faces(points, mesh.welded)
-    smooth = smooth.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
-    corners = mesh.fans.ravel()
-    split = pv.PolyData.from_regular_faces(points[mesh.corners[corners]], np.arange(len(corners)).reshape(-1, 3))
-    split.point_data["Normals"] = np.asarray(smooth.point_data["Normals"])[mesh.first[mesh.corners[corners]]]
-    split.point_data.active_normals_name = "Normals"
-    if len(mesh.uvs):
-        split.active_texture_coordinates = mesh.uvs[mesh.uv_corners[corners]]
-    return split
 
 
 def _texture_of(mesh: StoredRender) -> "pv.Texture | None":

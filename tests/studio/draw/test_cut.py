@@ -2,42 +2,41 @@
 
 import numpy as np
 import pytest
-from PIL import Image
+import pyvista as pv
 
-import runs
 from pdvol import meshes
-from pdvol.cli import run as command_line
 from pdvol.errors import InputError
-from pdvol.store.reader import open_run
-from pdvol.studio.draw.cut import Cut, read_cut
-from pdvol.studio.draw.picture import render
+from pdvol.studio.draw.cut import Cut, read_cut, triangles
 
 BRICK = meshes.brick((2.0, 1.0, 1.0), (4, 2, 2))
 
 
-def areas(points, triangles):
-    a, b, c = points[triangles].transpose(1, 0, 2)
+def areas(points, corners):
+    a, b, c = points[corners].transpose(1, 0, 2)
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 @pytest.mark.parametrize(("towards", "low", "high"), [(1.0, -1.0, 0.3), (-1.0, 0.3, 1.0)])
 def test_what_lies_before_the_plane_is_gone_and_the_section_is_closed(towards, low, high):
-    points, triangles = Cut(0, 0.3).solid(BRICK.vertices, BRICK.cells, np.array([towards, 0.5, 0.5]))
+    solid = pv.UnstructuredGrid({pv.CellType.TETRA: BRICK.cells}, BRICK.vertices)
+    points, corners = triangles(Cut(0, 0.3).left(solid, np.array([towards, 0.5, 0.5])))
     assert points[:, 0].min() == pytest.approx(low) and points[:, 0].max() == pytest.approx(high)
-    middles = points[triangles].mean(axis=1)
-    section = np.abs(middles[:, 0] - 0.3) < 1e-9
-    assert areas(points, triangles[section]).sum() == pytest.approx(1.0), "the section is the whole cross-section"
+    section = np.abs(points[corners].mean(axis=1)[:, 0] - 0.3) < 1e-9
+    assert areas(points, corners[section]).sum() == pytest.approx(1.0), "the section is the whole cross-section"
     # Two ends of 1 m^2 and four sides.
-    assert areas(points, triangles).sum() == pytest.approx(2.0 + 4.0 * (high - low))
+    assert areas(points, corners).sum() == pytest.approx(2.0 + 4.0 * (high - low))
 
 
-def test_a_surface_stays_open_and_may_vanish():
+def test_a_surface_stays_open_and_what_is_cut_may_vanish():
     ball, towards = meshes.ball(1.0, 3), np.array([0.0, 0.0, 1.0])
-    points, triangles = Cut(2, 0.0, ("bowl",)).surface(ball.vertices, ball.triangles, towards)
+    surface = pv.PolyData.from_regular_faces(ball.vertices, ball.triangles)
+    points, corners = triangles(Cut(2, 0.0, ("bowl",)).left(surface, towards))
     assert points[:, 2].max() <= 1e-12
-    assert areas(points, triangles).sum() == pytest.approx(2.0 * np.pi, rel=0.02)
-    gone, none = Cut(2, -2.0).surface(ball.vertices, ball.triangles, towards)
-    assert len(gone) == len(none) == 0
+    assert areas(points, corners).sum() == pytest.approx(2.0 * np.pi, rel=0.02)
+    solid = pv.UnstructuredGrid({pv.CellType.TETRA: BRICK.cells}, BRICK.vertices)
+    for shape in (surface, solid):
+        gone, none = triangles(Cut(2, -2.0).left(shape, towards))
+        assert gone.shape == none.shape == (0, 3)
 
 
 def test_names_choose_what_is_cut():
@@ -53,19 +52,3 @@ def test_other_texts_are_refused_in_one_line(text):
     with pytest.raises(InputError, match="--cut") as caught:
         read_cut(text, ["ball"], ["bowl"])
     assert "\n" not in str(caught.value)
-
-
-def test_a_picture_shows_what_is_inside(tmp_path):
-    run = runs.stored_run(tmp_path / "run", 3, (60,), 2)
-    pictures = []
-    for more in ([], ["--cut", "z=0"]):
-        out = tmp_path / f"{len(more)}.png"
-        assert command_line(["render", str(run), "-o", str(out), "--size", "900x200", *more]) == 0
-        pictures.append(np.asarray(Image.open(out), dtype=float))
-    assert np.abs(pictures[0] - pictures[1]).max() > 50.0
-
-
-def test_flat_scenes_have_nothing_to_take_away(tmp_path):
-    run = runs.stored_run(tmp_path / "run", 2, (60,), 2)
-    with pytest.raises(InputError, match="--cut: .* is 2D"):
-        render(open_run(run), tmp_path / "flat.png", cut="x=0")

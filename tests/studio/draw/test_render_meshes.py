@@ -9,6 +9,7 @@ from PIL import Image
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
 from pdvol.studio.draw.picture import render
+from pdvol.studio.draw.views import Shot
 from pdvol.studio.shown import PALETTE
 from rendered import entry_of, grown_box
 from shapes import box
@@ -38,9 +39,9 @@ def shares(path) -> tuple[np.ndarray, ...]:
 
 
 def test_a_picture_with_its_texture(painted, tmp_path):
-    blue, green, body = shares(render(painted, tmp_path / "a.png", steps=[0], view="front", render_meshes=True))
+    blue, green, body = shares(render(painted, tmp_path / "a.png", shot=Shot("front", render_meshes=True)))
     assert blue.mean() > 0.05 and green.mean() > 0.05 and body.mean() < 0.001
     height = lambda mask: np.nonzero(mask)[0].mean()
     assert height(blue) < height(green) - 20, "the upper half of the texture is drawn below"
-    blue, green, body = shares(render(painted, tmp_path / "b.png", steps=[0], view="front"))
+    blue, green, body = shares(render(painted, tmp_path / "b.png", shot=Shot("front")))
     assert blue.mean() == green.mean() == 0.0 and body.mean() > 0.1

@@ -12,15 +12,16 @@ from pdvol.store.reader import open_run
 from pdvol.studio.draw.layout import BACKGROUND, font
 from pdvol.studio.draw.plots import scatter_image
 from pdvol.studio.draw.sheet import (
+    LEAST_LABEL_SIZE,
     MOST_PICTURES,
     NARROWEST_TILE,
     WIDEST_SHEET,
-    SheetLayout,
     Tile,
     cluster_name,
     film_times,
     shared_camera,
     sheet_film,
+    sheet_grid,
     sheet_image,
     wrapped,
 )
@@ -42,43 +43,28 @@ def tiles(flat_run):
     ]
 
 
-def pictures(path, tiles, columns=None):
-    """The sheet's tiles, with their labels, as arrays, and their layout."""
-    layout = SheetLayout.of(tiles, shared_camera(tiles).aspect, columns)
-    sheet = np.asarray(Image.open(path).convert("RGB"), dtype=int)
-    width, height = layout.tile_size
-    corners = [layout.corner(i) for i in range(len(tiles))]
-    return [sheet[y : y + height, x : x + width] for x, y in corners], layout
+def pictures(path, tiles):
+    """The pictures and the labels of a sheet's tiles, as arrays."""
+    grid = sheet_grid(tiles, shared_camera(tiles).aspect, None)
+    sheet, (width, height) = np.asarray(Image.open(path).convert("RGB"), dtype=int), grid.picture
+    assert sheet.shape[:2] == grid.size[::-1]
+    corners = [grid.corner(i) for i in range(len(tiles))]
+    shown = [sheet[y : y + height, x : x + width] for x, y in corners]
+    return shown, [sheet[y + height + 4 : y + height + grid.below, x : x + width] for x, y in corners]
 
 
-def test_every_tile_is_drawn(tiles, tmp_path):
-    path = sheet_image(tiles, tmp_path / "new" / "sheet.png")
-    shown, layout = pictures(path, tiles)
+def test_every_tile_is_drawn_and_its_picture_also_written_alone(tiles, tmp_path):
+    path = sheet_image(tiles, tmp_path / "new" / "sheet.png", apart=tmp_path / "tiles")
+    shown, labels = pictures(path, tiles)
     warm = [(part[..., 0] - part[..., 2] > 60).sum() for part in shown]
     assert warm[0] > 2000 and warm[2] > 2000, "the apricot body"
     assert warm[1] == warm[3] == 0, "no body where nothing is stored"
-    dark = [(part[: layout.picture[1]].sum(axis=2) < 350).sum() for part in shown]
+    dark = [(part.sum(axis=2) < 350).sum() for part in shown]
     assert dark[1] > 300 and dark[3] > 50, "the reason is written there"
-    labels = [(part[layout.picture[1] + 10 :].sum(axis=2) < 350).sum() for part in shown]
-    assert labels[0] > labels[1] > labels[3] > 0
-
-
-def test_pictures_are_also_written_apart(tiles, tmp_path):
-    """Each is what the sheet has at its place; there is none of what has no state."""
-    path = sheet_image(tiles, tmp_path / "sheet.png", apart=tmp_path / "tiles")
-    sheet, layout = pictures(path, tiles)
+    letters = [(part.sum(axis=2) < 350).sum() for part in labels]
+    assert letters[0] > letters[1] > letters[3] > 0
     assert sorted(file.name for file in (tmp_path / "tiles").iterdir()) == ["0.png", "2.png"]
-    picture = np.asarray(Image.open(tmp_path / "tiles" / "0.png").convert("RGB"), dtype=int)
-    width, height = layout.picture
-    assert picture.shape[:2] == (height, width)
-    top = layout.tile_size[1] - sheet[0].shape[0] + 6  # below the cluster's rule
-    inside = slice(top + 2, top + height - 2), slice(2, width - 2)
-    assert np.array_equal(sheet[0][inside], picture[2 : height - 2, 2 : width - 2])
-
-
-def test_a_step_is_chosen(tiles, tmp_path):
-    first, last = (sheet_image(tiles[:1], tmp_path / f"{step}.png", step=step) for step in (0, None))
-    assert (pictures(first, tiles[:1])[0][0] != pictures(last, tiles[:1])[0][0]).any()
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "tiles" / "0.png").convert("RGB")), shown[0])
 
 
 def test_no_character_of_a_label_is_lost():
@@ -93,14 +79,13 @@ def test_no_character_of_a_label_is_lost():
 @pytest.mark.parametrize("aspect", [0.62, 1.5])
 def test_sheets_of_4_to_100_tiles(count, aspect):
     tiles = [Tile(str(i), ["offset 0.0125", "spin 3", "upright 0.97"], None) for i in range(count)]
-    layout = SheetLayout.of(tiles, aspect, None)
-    width, height = layout.empty().size
-    assert width <= WIDEST_SHEET and width % 2 == height % 2 == 0
-    assert layout.columns * layout.rows >= count > layout.columns * (layout.rows - 1)
-    assert layout.picture[0] >= NARROWEST_TILE and layout.text >= 14
-    assert 0.4 < width / height < 3.5
-    corners = {layout.corner(i) for i in range(count)}
-    assert len(corners) == count and max(y for _, y in corners) + layout.tile_size[1] <= height
+    grid = sheet_grid(tiles, aspect, None)
+    (width, height), rows = grid.size, -(-count // grid.columns)
+    assert width <= WIDEST_SHEET and 0.4 < width / height < 3.5
+    assert grid.columns * rows >= count > grid.columns * (rows - 1)
+    assert grid.picture[0] >= NARROWEST_TILE and grid.below >= 4 * 1.3 * LEAST_LABEL_SIZE - 2
+    corners = {grid.corner(i) for i in range(count)}
+    assert len(corners) == count and max(y for _, y in corners) + grid.picture[1] + grid.below <= height
 
 
 def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
@@ -138,17 +123,18 @@ def test_without_any_state(tmp_path):
     assert len(Image.open(path).convert("RGB").getcolors(1 << 20)) > 3
 
 
-def test_what_cannot_be_drawn(tiles, tmp_path):
-    for wrong, words, message in (
-        ([], {}, "1 to 400 tiles"),
-        (tiles, {"columns": 0}, "at least 1"),
-    ):
-        with pytest.raises(InputError, match=message):
-            sheet_image(wrong, tmp_path / "sheet.png", **words)
-    with pytest.raises(InputError, match="ends in .png"):
-        sheet_image(tiles, tmp_path / "sheet.jpg")
-    with pytest.raises(InputError, match="ends in .gif, .mp4, .webp"):
-        sheet_film(tiles, tmp_path / "sheet.avi")
+@pytest.mark.parametrize(
+    ("call", "count", "name", "words", "message"),
+    [
+        (sheet_image, 0, "sheet.png", {}, "1 to 400 tiles"),
+        (sheet_image, 4, "sheet.png", {"columns": 0}, "at least 1"),
+        (sheet_image, 4, "sheet.jpg", {}, "ends in .png"),
+        (sheet_film, 4, "sheet.avi", {}, "ends in .gif, .mp4, .webp"),
+    ],
+)
+def test_what_cannot_be_drawn(tiles, tmp_path, call, count, name, words, message):
+    with pytest.raises(InputError, match=message):
+        call(tiles[:count], tmp_path / name, **words)
     assert not list(tmp_path.iterdir())
 
 
