@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pdvol.scene.representation import NOT_SIMULATED
+from pdvol.scene.element import NOT_SIMULATED
 from pdvol.scene.user_code import can_be_compared, is_library, name_of, reads_of, text_of
 
 PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
