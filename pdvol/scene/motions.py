@@ -9,10 +9,10 @@ import numpy as np
 from pdvol.scene.checks import (
     anything,
     ascending,
+    called,
     direction,
     finite,
     moment,
-    numbers,
     require,
     sequence,
     takes,
@@ -155,7 +155,9 @@ def moved(motion: Motion, X: np.ndarray, t: float, whose: str) -> np.ndarray:
     """
     if t > 0.0 and keeps_shape(motion):
         return motion(X, t)
-    return numbers(f"{whose}: its motion at t = {t:g} s", motion, (X.copy(), t), X.shape)
+    x = called(f"{whose}: its motion at t = {t:g} s", lambda: np.asarray(motion(X.copy(), t), dtype=float), (), X.shape)
+    require(bool(np.isfinite(x).all()), f"{whose}: its motion gives NaN or infinity at t = {t:g} s")
+    return x
 
 
 def rotation_matrix(angle: float, axis: Vector, dim: int) -> np.ndarray:
