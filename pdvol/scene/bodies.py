@@ -99,6 +99,7 @@ class Body(Element):
     start: Callable[[np.ndarray], np.ndarray] | Posed | None = None
     elements: str | None = None
 
+    whose = "body {name!r}: "
     checks = {
         "name": text,
         "shape": anything,
@@ -114,9 +115,9 @@ class Body(Element):
         if isinstance(self.render, RenderMesh):
             object.__setattr__(self, "render", (self.render,))
         super().__post_init__()
-        several(RenderMesh, "RenderMesh(shape)")(self.named("render"), self.render)
+        several(RenderMesh, "RenderMesh(shape)")(self._named("render"), self.render)
         self._check_levels()
-        takes(self.named("start"), self.start, "X")
+        takes(self._named("start"), self.start, "X")
         require(
             self.start is None or callable(self.start) or isinstance(self.start, Posed),
             f"body {self.name!r}: start must be a function of rest positions (n, d) that gives positions (n, d), or a"
@@ -124,7 +125,7 @@ class Body(Element):
         )
         spin = self.spin if isinstance(self.spin, tuple) else (self.spin,)
         for value in spin:
-            finite(self.named("spin"), value)
+            finite(self._named("spin"), value)
         require(len(spin) in (0, 1, 3), f"body {self.name!r}: spin = {spin!r} must have one component or three")
 
     def _check_levels(self) -> None:
@@ -149,10 +150,6 @@ class Body(Element):
             list(self.vertices) == sorted(self.vertices),
             f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine",
         )
-
-    def named(self, field: str) -> str:
-        """The name of a field in messages."""
-        return f"body {self.name!r}: {field}"
 
     @property
     def levels(self) -> int:
@@ -181,7 +178,7 @@ class Body(Element):
         animation. Its spin turns it about `centre` (d,), where it is at t = 0: at `start` (n, d), or else at rest.
         """
         dim = points.shape[1]
-        v = velocities(self.named("velocity"), () if isinstance(self.velocity, TakeOver) else self.velocity, points)
+        v = velocities(self._named("velocity"), () if isinstance(self.velocity, TakeOver) else self.velocity, points)
         spin = np.ravel(np.asarray(self.spin, dtype=float))
         if spin.size:
             require(

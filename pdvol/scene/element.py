@@ -26,16 +26,17 @@ class Element:
     """
 
     checks: ClassVar[Mapping[str, Check]] = {}
+    whose: ClassVar[str] = "{kind}."  # before the name of a field in messages
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name, check in self.checks.items():
             object.__setattr__(self, name, plain(getattr(self, name)))
-            check(self.named(name), getattr(self, name))
+            check(self._named(name), getattr(self, name))
 
-    def named(self, field: str) -> str:
+    def _named(self, field: str) -> str:
         """The name of a field in messages."""
-        return f"{type(self).__name__}.{field}"
+        return self.whose.format(kind=type(self).__name__, name=getattr(self, "name", "")) + field
 
 
 def _is_default(element: Any, field: Field) -> bool:

@@ -53,7 +53,7 @@ class Material(Element):
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            label, value = self.named(field.name), plain(getattr(self, field.name))
+            label, value = self._named(field.name), plain(getattr(self, field.name))
             object.__setattr__(self, field.name, value)
             timed(LIMITS.get(field.name, finite), "X")(label, value)
             if isinstance(value, Keyed):
@@ -88,7 +88,7 @@ class Material(Element):
         """
         values = {}
         for field in fields(self):
-            given, label = getattr(self, field.name), self.named(field.name)
+            given, label = getattr(self, field.name), self._named(field.name)
             if callable(given) and not isinstance(given, Keyed):
                 found = called(label, given, (points,), (len(points),)).astype(float)
                 for worst in (found.min(), found.max()) if len(points) else ():

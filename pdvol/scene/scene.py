@@ -66,6 +66,7 @@ class Scene(Element):
     muscles: Sequence[Muscle] = ()
     elements: str = ELEMENTS[0]
 
+    whose = ""
     checks = {
         "bodies": several(Body, "Body(shape, material)"),
         "dt": positive,
@@ -102,10 +103,6 @@ class Scene(Element):
                 any(isinstance(c, Barrier) for c in self.contact),
                 "friction and obstacles need contact=(Barrier(), ...)",
             )
-
-    def named(self, field: str) -> str:
-        """The name of a field in messages."""
-        return field
 
     def _check_pairs(self, bodies: list[str], obstacles: list[str]) -> None:
         """That friction's pairs name what can touch."""

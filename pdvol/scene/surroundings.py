@@ -50,16 +50,13 @@ class Plane(Element):
     motion: Motion = Still()
     name: str = "plane"
 
+    whose = "plane {name!r}: "
     checks = {"point": vector, "normal": vector, "motion": _moves_rigidly}
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(len(self.point) == len(self.normal), f"plane {self.name!r}: point and normal differ in length")
         require(np.linalg.norm(self.normal) > 0, f"plane {self.name!r}: the normal is zero")
-
-    def named(self, field: str) -> str:
-        """The name of a field in messages."""
-        return f"plane {self.name!r}: {field}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,11 +80,8 @@ class Rigid(Element):
     closed: bool = True
     opacity: float = 1.0
 
+    whose = "obstacle {name!r}: "
     checks = {"motion": _moves_rigidly, "closed": anything, "opacity": partial(positive, highest=1.0)}
-
-    def named(self, field: str) -> str:
-        """The name of a field in messages."""
-        return f"obstacle {self.name!r}: {field}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,8 +104,8 @@ class Deforming(Element):
     closed: bool = True
     opacity: float = 1.0
 
+    whose = Rigid.whose
     checks = {**Rigid.checks, "motion": a(PointCache, "; a Rigid takes functions")}
-    named = Rigid.named
 
 
 Obstructing = Plane | Rigid | Deforming
