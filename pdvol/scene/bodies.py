@@ -10,11 +10,11 @@ import numpy as np
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.registry import ELEMENTS
 from pdvol.scene.checks import (
-    a,
     anything,
     choice,
     finite,
     function_or,
+    instance,
     numbers,
     optional,
     positive,
@@ -103,7 +103,7 @@ class Body(Element):
     checks = {
         "name": text,
         "shape": anything,
-        "material": a(Material),
+        "material": instance(Material),
         "vertices": sequence,
         "velocity": _starts_at,
         "spin": anything,

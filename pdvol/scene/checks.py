@@ -119,7 +119,7 @@ def optional(check: Check, nothing: Any = None) -> Check:
     return lambda name, value: None if value is nothing or value == nothing else check(name, value)
 
 
-def a(kind: type, more: str = "") -> Check:
+def instance(kind: type, more: str = "") -> Check:
     """An object of a class."""
     return lambda name, value: require(
         isinstance(value, kind), f"{name} must be a {kind.__name__}, not {type(value).__name__}{more}"

@@ -28,7 +28,7 @@ NOT_COMPARED = "not compared"
 DEEPEST = 12  # objects within each other: deeper ones are not followed
 SHOWN = 100  # characters of one value in a message
 PACKAGES = {"site-packages", "dist-packages"}  # folders of installed packages
-LIBRARIES = (sysconfig.get_paths()["stdlib"], Path(__file__).resolve().parents[1])  # Python's folder and pdvol's
+UNCHANGING = (sysconfig.get_paths()["stdlib"], Path(__file__).resolve().parents[1])  # Python's folder and pdvol's
 
 
 def describe(thing: Any, within: tuple[int, ...] = ()) -> Any:
@@ -151,7 +151,7 @@ def is_library(thing: Any) -> bool:
         return True  # of C
     here = Path(file).resolve()
     typed_in = not Path(file).is_absolute()
-    return not typed_in and (bool(PACKAGES & set(here.parts)) or any(here.is_relative_to(path) for path in LIBRARIES))
+    return not typed_in and (bool(PACKAGES & set(here.parts)) or any(here.is_relative_to(path) for path in UNCHANGING))
 
 
 def _functions(cls: type) -> Iterator[FunctionType]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.forms import elasticity
-from pdvol.scene.checks import Check, a, called, finite, plain, positive, require, takes
+from pdvol.scene.checks import Check, called, finite, instance, plain, positive, require, takes
 from pdvol.scene.element import Element
 from pdvol.scene.values import Keyed, timed
 
@@ -164,7 +164,7 @@ class Region(Element):
     material: Material
     where: Callable[[np.ndarray], np.ndarray] | int | Sequence[int] | np.ndarray
 
-    checks = {"material": a(Material), "where": _chooses}
+    checks = {"material": instance(Material), "where": _chooses}
 
     @property
     def labels(self) -> tuple[int, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.meshes import Surface
-from pdvol.scene.checks import a, anything, ascending, finite, flag, optional, positive, require
+from pdvol.scene.checks import anything, ascending, finite, flag, instance, optional, positive, require
 from pdvol.scene.element import Element
 from pdvol.scene.placement import Placement
 from pdvol.scene.values import Vector
@@ -124,7 +124,7 @@ class TakeOver(Element):
     cache: PointCache
     rigid: bool = True
 
-    checks = {"cache": a(PointCache), "rigid": flag}
+    checks = {"cache": instance(PointCache), "rigid": flag}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.meshes import Outline, Surface
-from pdvol.scene.checks import a, anything, mask, moment, positive, require, takes, vector
+from pdvol.scene.checks import anything, instance, mask, moment, positive, require, takes, vector
 from pdvol.scene.element import Element
 from pdvol.scene.motions import Motion, Still
 from pdvol.scene.placement import Placement
@@ -105,7 +105,7 @@ class Deforming(Element):
     opacity: float = 1.0
 
     whose = Rigid.whose
-    checks = {**Rigid.checks, "motion": a(PointCache, "; a Rigid takes functions")}
+    checks = {**Rigid.checks, "motion": instance(PointCache, "; a Rigid takes functions")}
 
 
 Obstructing = Plane | Rigid | Deforming
