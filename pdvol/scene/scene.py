@@ -12,7 +12,7 @@ from pdvol.scene.checks import choice, count, finite, positive, require, several
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.element import Element
 from pdvol.scene.jitter import jittered
-from pdvol.scene.loads import Load
+from pdvol.scene.loads import Impulse, Load
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.solver import Penalty, Solver
 from pdvol.scene.surroundings import Obstructing, Support
@@ -92,7 +92,7 @@ class Scene(Element):
         require(len(counts) == 1, f"all bodies need the same number of levels, not {sorted(counts)}")
         for element in (*self.supports, *self.loads, *self.muscles, *self.attachments):
             some = ("", *names) if isinstance(element, (Support, *get_args(Load))) else names
-            article = "an" if isinstance(element, Attachment) else "a"
+            article = "an" if isinstance(element, Attachment | Impulse) else "a"
             for name in (getattr(element, key) for key in ("body", "other") if hasattr(element, key)):
                 require(name in some, f"{article} {type(element).__name__} names the body {name!r}; there are {names}")
         for kind in (Barrier, Friction):

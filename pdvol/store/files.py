@@ -26,7 +26,7 @@ from pdvol.errors import InputError, SimulationError
 TEMPORARY = ".tmp"  # the end of temporary names, which a later writer removes
 LOCK_ATTEMPTS = 5  # to take a lock: a process that checks whether a run is in use holds it for an instant
 LOCK_PAUSE = 0.02  # seconds between attempts
-STORED_LISTS = {"obstacles": "obstacles", "render": "render meshes"}  # lists names of a run's lists in messages
+STORED_LISTS = {"obstacles": "obstacles", "render": "render meshes"}  # names of a run's lists in messages
 
 
 def write_bytes(path: Path, data: bytes | memoryview) -> None:
