@@ -73,12 +73,6 @@ from .scene.contact import (
     Friction as Friction,
     Pascal as Pascal,
 )
-from .scene.keyed import (
-    Keyed as Keyed,
-)
-from .scene.lengths import (
-    Relative as Relative,
-)
 from .scene.loads import (
     Flow as Flow,
     Force as Force,
@@ -109,10 +103,8 @@ from .scene.placement import (
 )
 from .scene.point_caches import (
     PointCache as PointCache,
-    TakeOver as TakeOver,
-)
-from .scene.poses import (
     Posed as Posed,
+    TakeOver as TakeOver,
 )
 from .scene.render_mesh import (
     RenderMesh as RenderMesh,
@@ -129,6 +121,10 @@ from .scene.surroundings import (
     Plane as Plane,
     Rigid as Rigid,
     Support as Support,
+)
+from .scene.values import (
+    Keyed as Keyed,
+    Relative as Relative,
 )
 from .store.reader import (
     open_run as open_run,

@@ -4,8 +4,9 @@ Functions are called at the points of the bodies' shapes. What they give there i
 checked on the levels, where they are used.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from pdvol.levels.scene_fields import check_load_in_time, motion_times, support_
 from pdvol.levels.script import Obstacle
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
-from pdvol.scene import Body, Flow, Keyed, PointCache, Posed, Scene, TakeOver, moved
+from pdvol.scene import Body, Flow, Keyed, PointCache, Scene, moved
 from pdvol.scene.checks import called, chosen, fits
 
 SCALARS, VECTORS = (), (-1,)
@@ -33,8 +34,9 @@ def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
 
     with np.errstate(all="ignore"):
         for name, function, body_name, gives in _of_places(scene):
-            X = of(body_name)
-            called(name, function, (X.copy(),), X.shape if gives else X.shape[:1])
+            if callable(function) and not isinstance(function, Keyed):
+                X = of(body_name)
+                called(name, function, (X.copy(),), X.shape if gives else X.shape[:1])
         for muscle in scene.muscles:
             if callable(muscle.activation) and not isinstance(muscle.activation, Keyed):
                 X = of(muscle.body)
@@ -62,29 +64,21 @@ def _points(body: Body) -> np.ndarray:
     return shape.points if isinstance(shape, Outline) else shape.vertices
 
 
-def _of_places(scene: Scene) -> Iterator[tuple[str, Callable, str, tuple]]:
-    """Functions of rest positions alone: the name, the function, the body, and what it gives."""
+def _of_places(scene: Scene) -> Iterator[tuple[str, Any, str, tuple]]:
+    """What may be a function of rest positions alone: its name, the value, the body, and what a function gives."""
     for body in scene.bodies:
-        if callable(body.start) and not isinstance(body.start, Posed):
-            yield f"the start of body {body.name!r}", body.start, body.name, VECTORS
-        if callable(body.velocity) and not isinstance(body.velocity, TakeOver):
-            yield f"body {body.name!r}: velocity", body.velocity, body.name, VECTORS
+        yield f"the start of body {body.name!r}", body.start, body.name, VECTORS
+        yield f"body {body.name!r}: velocity", body.velocity, body.name, VECTORS
         for material in (body.material, *(region.material for region in body.regions)):
             for field in fields(material):
-                value = getattr(material, field.name)
-                if callable(value) and not isinstance(value, Keyed):
-                    yield f"{type(material).__name__}.{field.name}", value, body.name, SCALARS
+                yield f"{type(material).__name__}.{field.name}", getattr(material, field.name), body.name, SCALARS
         for region in body.regions:
-            if callable(region.where):
-                yield "Region.where", region.where, body.name, SCALARS
+            yield "Region.where", region.where, body.name, SCALARS
     for load in scene.loads:
-        if hasattr(load, "where"):
-            yield f"a {type(load).__name__.lower()}'s `where`", load.where, "", SCALARS
+        yield f"a {type(load).__name__.lower()}'s `where`", getattr(load, "where", None), "", SCALARS
     for muscle in scene.muscles:
         yield "Muscle.where", muscle.where, muscle.body, SCALARS
-        if callable(muscle.fibre):
-            yield "Muscle.fibre", muscle.fibre, muscle.body, VECTORS
+        yield "Muscle.fibre", muscle.fibre, muscle.body, VECTORS
     for attachment in scene.attachments:
-        for name, body_name in (("where", attachment.body), ("to", attachment.other)):
-            if callable(getattr(attachment, name)):
-                yield f"Attachment.{name}", getattr(attachment, name), body_name, SCALARS
+        yield "Attachment.where", attachment.where, attachment.body, SCALARS
+        yield "Attachment.to", attachment.to, attachment.other, SCALARS

@@ -1,6 +1,6 @@
 """The materials of cells: chosen on the coarsest level, carried to finer ones by the binding (docs/scenes.md)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,18 +51,10 @@ class CellMaterials:
 
     def carried(self, origins: np.ndarray) -> "CellMaterials":
         """The same on a finer level whose cells inherit from these: `origins` (m_fine,)."""
+        arrays = {name: getattr(self, name)[origins] for name in ("law", "young", "density", "damping", "smoothing")}
         values = tuple({name: v[origins] for name, v in of_law.items()} for of_law in self.values)
-        return CellMaterials(
-            self.laws,
-            self.law[origins],
-            values,
-            self.young[origins],
-            self.density[origins],
-            self.damping[origins],
-            self.softest,
-            self.smoothing[origins],
-            tuple((keyed, cells[origins]) for keyed, cells in self.keyed),
-        )
+        keyed = tuple((follows, cells[origins]) for follows, cells in self.keyed)
+        return replace(self, values=values, keyed=keyed, **arrays)
 
 
 def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:

@@ -14,16 +14,16 @@ from pdvol.geometry.boundary_search import nearest_points
 from pdvol.meshes import Surface
 from pdvol.meshing.surface_files import named_obj
 from pdvol.scene import Placement
-from pdvol.scene.checks import keep_plain, positive, require
+from pdvol.scene.checks import flag, positive
+from pdvol.scene.element import Element
 from pdvol.scene.point_caches import kept_array
-from pdvol.scene.representation import one_line
 
 MARKED = 0.5  # weight from which on a vertex belongs to the group
 EDGE_SAMPLES = 2  # points on a marked edge for each length of the reach: between two of them nothing is out of reach
 
 
-@dataclass(frozen=True, eq=False)
-class VertexGroup:
+@dataclass(frozen=True, eq=False, repr=False)
+class VertexGroup(Element):
     """A part of a body, by weights of a surface's vertices: the `where` of a `Support`, a `Region` or a load. It means
     the same on every level, whose vertices are other ones.
 
@@ -44,12 +44,10 @@ class VertexGroup:
     reach: float = 0.05
     filled: bool = False
     placement: Placement = Placement()
-    __repr__ = one_line
+    checks = {"reach": positive, "filled": flag}
 
     def __post_init__(self) -> None:
-        keep_plain(self, "reach", "filled")
-        positive("VertexGroup.reach", self.reach)
-        require(isinstance(self.filled, bool), f"VertexGroup.filled = {self.filled!r} must be True or False")
+        super().__post_init__()
         if not isinstance(self.weights, (str, Path)):
             object.__setattr__(self, "weights", kept_array("VertexGroup.weights", self.weights, None))
 

@@ -18,8 +18,8 @@ from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle, Script
-from pdvol.levels.separation import build_apart
 from pdvol.runs.scene_file import DEFAULTS, Shot
+from pdvol.runs.separation import build_apart
 from pdvol.scene.fingerprint import differences
 from pdvol.store.copying import copy_run, require_new
 from pdvol.store.files import write_bytes, write_json

@@ -29,7 +29,6 @@ from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
-from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace
 from pdvol.levels.start import started
 from pdvol.meshes import Outline, Solid, Surface
@@ -42,6 +41,7 @@ from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
 from pdvol.meshing.vtu import write_primitives, write_vtu
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
+from pdvol.runs.separation import build_apart
 from pdvol.scene import Barrier, Scene, metres
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import say, stage

@@ -10,10 +10,10 @@ import scipy.sparse as sp
 from pdvol.errors import InputError
 from pdvol.geometry.distances import signed_distance
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.render_binding import render_weights
 from pdvol.meshing.build import build_levels
 from pdvol.meshing.render_files import read_render_surface, read_texture
 from pdvol.meshing.weld import COINCIDENT, coincident
+from pdvol.runs.render_binding import render_weights
 from pdvol.scene import Body, Scene
 from pdvol.scene.render_mesh import RenderMesh
 from pdvol.stages import stage

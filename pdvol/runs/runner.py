@@ -21,7 +21,6 @@ from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import Geometry, placed_obstacles, read_geometry, stored_obstacles
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal, way_up
 from pdvol.levels.script import Obstacle
-from pdvol.levels.separation import build_apart
 from pdvol.levels.start import start_positions
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
@@ -30,6 +29,7 @@ from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import DEFAULTS, Shot, stored_file, stored_shot
+from pdvol.runs.separation import build_apart
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
 from pdvol.scene import Scene

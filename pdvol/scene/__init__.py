@@ -8,8 +8,6 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Separate, Shape
 from pdvol.scene.contact import Barrier, Friction, Pascal
-from pdvol.scene.keyed import Keyed
-from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import (
@@ -19,16 +17,15 @@ from pdvol.scene.motions import (
     Sequential,
     Still,
     Translation,
-    Vector,
     keeps_shape,
     moved,
     rotation_matrix,
 )
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.placement import Placement
-from pdvol.scene.point_caches import PointCache, TakeOver
-from pdvol.scene.poses import Posed
+from pdvol.scene.point_caches import PointCache, Posed, TakeOver
 from pdvol.scene.render_mesh import RenderMesh
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Penalty, Solver
 from pdvol.scene.surroundings import Deforming, Obstructing, Plane, Rigid, Support
+from pdvol.scene.values import Keyed, Length, Relative, Vector, metres

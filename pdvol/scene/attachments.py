@@ -1,15 +1,16 @@
 """Springs that attach bodies to each other, until they break."""
 
 from dataclasses import dataclass
+from functools import partial
 
-from pdvol.scene.checks import finite, keep_plain, positive, require, takes, vector
+from pdvol.scene.checks import finite, function_or, optional, positive, require, vector
+from pdvol.scene.element import Element
 from pdvol.scene.loads import Where, everywhere
-from pdvol.scene.motions import Vector
-from pdvol.scene.representation import one_line
+from pdvol.scene.values import Vector
 
 
-@dataclass(frozen=True)
-class Attachment:
+@dataclass(frozen=True, repr=False)
+class Attachment(Element):
     """Springs between two bodies: from places spread over a part of the first one's surface to the nearest places of
     the other's.
 
@@ -35,17 +36,15 @@ class Attachment:
     stiffness: float = 1e4
     rest_length: float | None = None
     breaking: float | None = None
-    __repr__ = one_line
+
+    checks = {
+        "where": function_or(vector, "X"),
+        "to": function_or(vector, "X"),
+        "stiffness": positive,
+        "rest_length": optional(partial(finite, lowest=0.0)),
+        "breaking": optional(positive),
+    }
 
     def __post_init__(self) -> None:
-        keep_plain(self, "where", "to", "stiffness", "rest_length", "breaking")
+        super().__post_init__()
         require(self.body != self.other, f"an Attachment leads from body {self.body!r} to itself; name two bodies")
-        for name in ("where", "to"):
-            if not callable(getattr(self, name)):
-                vector(f"Attachment.{name}", getattr(self, name))
-            takes(f"Attachment.{name}", getattr(self, name), "X")
-        positive("Attachment.stiffness", self.stiffness)
-        if self.rest_length is not None:
-            finite("Attachment.rest_length", self.rest_length, 0.0)
-        if self.breaking is not None:
-            positive("Attachment.breaking", self.breaking)

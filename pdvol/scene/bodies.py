@@ -3,27 +3,41 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.registry import ELEMENTS
-from pdvol.scene.checks import called, finite, keep_plain, positive, require, sequence, takes, vector
+from pdvol.scene.checks import (
+    anything,
+    choice,
+    finite,
+    function_or,
+    instance,
+    numbers,
+    optional,
+    positive,
+    require,
+    sequence,
+    several,
+    takes,
+    text,
+    vector,
+)
+from pdvol.scene.element import NOT_SIMULATED, Element
 from pdvol.scene.materials import Material, Region
-from pdvol.scene.motions import Vector
 from pdvol.scene.placement import Placement
-from pdvol.scene.point_caches import TakeOver
-from pdvol.scene.poses import Posed
+from pdvol.scene.point_caches import Posed, TakeOver
 from pdvol.scene.render_mesh import RenderMesh
-from pdvol.scene.representation import NOT_SIMULATED, one_line
+from pdvol.scene.values import Vector
 
 MOST_LEVELS, MOST_VERTICES = 32, 100_000_000  # numbers above these are typing errors
 Shape: TypeAlias = str | Path | Outline | Surface | Solid
 
 
-@dataclass(frozen=True)
-class Separate:
+@dataclass(frozen=True, repr=False)
+class Separate(Element):
     """What may be done to bodies that meet something at t = 0 on some level, instead of refusing the scene. It is
     reported.
 
@@ -36,20 +50,24 @@ class Separate:
 
     by: str = "move"
     limit: float = 0.2
-    __repr__ = one_line
+
+    checks = {"by": choice("move", "shrink", "refine"), "limit": positive}
 
     def __post_init__(self) -> None:
-        keep_plain(self, "limit")
-        require(self.by in ("move", "shrink", "refine"), f"Separate.by = {self.by!r} must be move, shrink or refine")
-        positive("Separate.limit", self.limit)
+        super().__post_init__()
         require(
             self.limit < 1.0 or self.by != "shrink",
             f"Separate.limit = {self.limit!r} shrinks a body to nothing; give less than 1",
         )
 
 
-@dataclass(frozen=True)
-class Body:
+def _starts_at(name: str, velocity: Any) -> None:
+    if not isinstance(velocity, TakeOver):
+        function_or(optional(vector, ()), "X")(name, velocity)
+
+
+@dataclass(frozen=True, repr=False)
+class Body(Element):
     """A deformable body.
 
     Attributes
@@ -80,87 +98,68 @@ class Body:
     render: RenderMesh | Sequence[RenderMesh] = field(default=(), metadata={NOT_SIMULATED: True})
     start: Callable[[np.ndarray], np.ndarray] | Posed | None = None
     elements: str | None = None
-    __repr__ = one_line
+
+    whose = "body {name!r}: "
+    checks = {
+        "name": text,
+        "shape": anything,
+        "material": instance(Material),
+        "vertices": sequence,
+        "velocity": _starts_at,
+        "spin": anything,
+        "regions": several(Region, "Region(material, where)"),
+        "elements": optional(choice(*ELEMENTS)),
+    }
 
     def __post_init__(self) -> None:
-        keep_plain(self, "shape", "vertices", "velocity", "spin", "regions")
-        require(isinstance(self.name, str), f"the name of a body must be text, not {self.name!r}")
-        require(
-            self.elements is None or self.elements in ELEMENTS,
-            f"body {self.name!r}: elements = {self.elements!r} must be {' or '.join(ELEMENTS)}",
-        )
-        listed = self._levels_listed()
-        sequence(f"body {self.name!r}: vertices", self.vertices)
-        require(
-            isinstance(self.material, Material),
-            f"body {self.name!r}: material must be a Material, not {type(self.material).__name__}",
-        )
-        sequence(f"body {self.name!r}: regions", self.regions)
-        for region in self.regions:
-            require(
-                isinstance(region, Region),
-                f"body {self.name!r}: regions hold Region(material, where), not {type(region).__name__}",
-            )
         if isinstance(self.render, RenderMesh):
             object.__setattr__(self, "render", (self.render,))
-        sequence(f"body {self.name!r}: render", self.render)
-        for mesh in self.render_meshes:
-            require(
-                isinstance(mesh, RenderMesh),
-                f"body {self.name!r}: render holds RenderMesh(shape), not {type(mesh).__name__}",
-            )
-        if listed:
-            require(self.levels > 0, f"body {self.name!r}: the list of meshes is empty")
-            require(
-                len(self.vertices) in (0, self.levels),
-                f"body {self.name!r}: {len(self.vertices)} vertex targets for a list of {self.levels} meshes; give one"
-                " a level, or none where all are volume meshes",
-            )
-        else:
-            require(
-                len(self.vertices) > 0,
-                f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level",
-            )
-        if len(self.vertices):
-            require(
-                len(self.vertices) <= MOST_LEVELS,
-                f"body {self.name!r}: {len(self.vertices)} vertex targets; {MOST_LEVELS} levels are the most",
-            )
-            for v in self.vertices:
-                require(
-                    isinstance(v, (int, np.integer)) and 4 <= v <= MOST_VERTICES,
-                    f"body {self.name!r}: vertex target {v!r} is not a whole number from 4 to {MOST_VERTICES}",
-                )
-            require(
-                list(self.vertices) == sorted(self.vertices),
-                f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine",
-            )
+        super().__post_init__()
+        several(RenderMesh, "RenderMesh(shape)")(self._named("render"), self.render)
+        self._check_levels()
+        takes(self._named("start"), self.start, "X")
         require(
             self.start is None or callable(self.start) or isinstance(self.start, Posed),
             f"body {self.name!r}: start must be a function of rest positions (n, d) that gives positions (n, d), or a"
             f" Posed, which fit all levels, not {type(self.start).__name__}",
         )
-        takes(f"body {self.name!r}: start", self.start, "X")
-        takes(f"body {self.name!r}: velocity", self.velocity, "X")
-        if not callable(self.velocity) and not isinstance(self.velocity, TakeOver) and self.velocity != ():
-            vector(f"body {self.name!r}: velocity", self.velocity)
         spin = self.spin if isinstance(self.spin, tuple) else (self.spin,)
         for value in spin:
-            finite(f"body {self.name!r}: spin", value)
+            finite(self._named("spin"), value)
         require(len(spin) in (0, 1, 3), f"body {self.name!r}: spin = {spin!r} must have one component or three")
+
+    def _check_levels(self) -> None:
+        """That each level has a mesh or a number of vertices."""
+        given = len(self.vertices)
+        if isinstance(self.shape, tuple):
+            require(self.levels > 0, f"body {self.name!r}: the list of meshes is empty")
+            require(
+                given in (0, self.levels),
+                f"body {self.name!r}: {given} vertex targets for a list of {self.levels} meshes; give one"
+                " a level, or none where all are volume meshes",
+            )
+        else:
+            require(given > 0, f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level")
+        require(given <= MOST_LEVELS, f"body {self.name!r}: {given} vertex targets; {MOST_LEVELS} levels are the most")
+        for v in self.vertices:
+            require(
+                isinstance(v, int) and 4 <= v <= MOST_VERTICES,
+                f"body {self.name!r}: vertex target {v!r} is not a whole number from 4 to {MOST_VERTICES}",
+            )
+        require(
+            list(self.vertices) == sorted(self.vertices),
+            f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine",
+        )
 
     @property
     def levels(self) -> int:
         """How many levels this body has."""
-        return len(self.shape) if isinstance(self.shape, (tuple, list)) else len(self.vertices)
-
-    def _levels_listed(self) -> bool:
-        return isinstance(self.shape, (tuple, list))
+        return len(self.shape) if isinstance(self.shape, tuple) else len(self.vertices)
 
     @property
     def render_meshes(self) -> tuple[RenderMesh, ...]:
         """What is drawn in its place; none where its own surface is."""
-        return (self.render,) if isinstance(self.render, RenderMesh) else tuple(self.render)
+        return cast(tuple[RenderMesh, ...], tuple(self.render))  # type: ignore[arg-type]
 
     def instances(self, *placements: Placement) -> tuple["Body", ...]:
         """This body at each of several placements, named after it: they have its meshes, which are made once."""
@@ -179,19 +178,7 @@ class Body:
         animation. Its spin turns it about `centre` (d,), where it is at t = 0: at `start` (n, d), or else at rest.
         """
         dim = points.shape[1]
-        v = np.zeros_like(points)
-        if isinstance(self.velocity, TakeOver):
-            pass
-        elif callable(self.velocity):
-            field = called(f"body {self.name!r}: velocity", self.velocity, (points,), points.shape)
-            require(bool(np.isfinite(field).all()), f"body {self.name!r}: velocity gives NaN or infinity")
-            v += field
-        elif len(self.velocity):
-            require(
-                len(self.velocity) == dim,
-                f"body {self.name!r}: velocity has {len(self.velocity)} components in a {dim}D scene",
-            )
-            v += np.asarray(self.velocity, dtype=float)
+        v = velocities(self._named("velocity"), () if isinstance(self.velocity, TakeOver) else self.velocity, points)
         spin = np.ravel(np.asarray(self.spin, dtype=float))
         if spin.size:
             require(
@@ -201,3 +188,16 @@ class Body:
             r = (points if start is None else start) - centre
             v += spin[0] * np.column_stack([-r[:, 1], r[:, 0]]) if dim == 2 else np.cross(spin, r)
         return v
+
+
+def velocities(name: str, velocity: Vector | Callable[[np.ndarray], np.ndarray], points: np.ndarray) -> np.ndarray:
+    """(n, d) [m/s]: an initial velocity at rest positions `points` (n, d) [m], none where it is empty. Raises
+    InputError, naming it, where it does not fit.
+    """
+    v, dim = np.zeros_like(points), points.shape[1]
+    if callable(velocity):
+        return v + numbers(name, velocity, (points,), points.shape)
+    if len(velocity):
+        require(len(velocity) == dim, f"{name} has {len(velocity)} components in a {dim}D scene")
+        v += np.asarray(velocity, dtype=float)
+    return v

@@ -9,6 +9,8 @@ import numpy as np
 
 from pdvol.errors import InputError
 
+Check = Callable[[str, Any], None]
+"""Raises InputError unless a value, whose name in messages comes first, is legal."""
 FAR_OUTSIDE = 0.1  # of a body's diagonal: a place further outside its box is a typing error
 HUGE = sys.float_info.max  # largest finite number: whole numbers can be larger
 
@@ -31,33 +33,50 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.number | np.bool_) else value
 
 
-def keep_plain(element: object, *names: str) -> None:
-    """Replaces these attributes of a frozen dataclass by their `plain` values; for its `__post_init__`."""
-    for name in names:
-        object.__setattr__(element, name, plain(getattr(element, name)))
+def _shown(value: Any) -> str:
+    return " ".join(repr(value).split())
 
 
-def finite(name: str, value: Any, lowest: float = -np.inf) -> None:
-    """A finite number, not below `lowest`."""
+def finite(name: str, value: Any, lowest: float = -np.inf, highest: float = np.inf) -> None:
+    """A finite number from `lowest` to `highest`."""
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    require(number and abs(value) <= HUGE, f"{name} = {' '.join(repr(value).split())} is not a finite number")
+    require(number and abs(value) <= HUGE, f"{name} = {_shown(value)} is not a finite number")
     require(value >= lowest, f"{name} = {value!r} is below {lowest:g}")
+    require(value <= highest, f"{name} = {value!r} must be at most {highest:g}")
 
 
-def positive(name: str, value: Any) -> None:
+def positive(name: str, value: Any, highest: float = np.inf) -> None:
     """A finite number above zero."""
     finite(name, value)
     require(value > 0, f"{name} = {value!r} must be positive")
+    finite(name, value, highest=highest)
+
+
+def count(name: str, value: Any, lowest: int, highest: float = np.inf) -> None:
+    """A whole number from `lowest` to `highest`."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
+    require(value <= highest, f"{name} = {value!r} must be at most {highest}")
+
+
+def moment(name: str, value: Any) -> None:
+    """A time [s], which may be infinite."""
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    require(number and value >= 0.0, f"{name} = {value!r} must be a time, not negative (inf: never)")
 
 
 def vector(name: str, value: Any) -> None:
     """Two or three finite components, as `plain` leaves them."""
     flat = isinstance(value, tuple) and not any(isinstance(component, tuple) for component in value)
-    require(
-        flat and len(value) in (2, 3), f"{name} = {' '.join(repr(value).split())} must have two or three components"
-    )
+    require(flat and len(value) in (2, 3), f"{name} = {_shown(value)} must have two or three components")
     for component in value:
         finite(name, component)
+
+
+def direction(name: str, value: Any) -> None:
+    """A vector of any length but zero."""
+    vector(name, value)
+    require(np.linalg.norm(value) > 0, f"{name} = {value!r} has no direction")
 
 
 def sequence(name: str, value: Any) -> None:
@@ -67,10 +86,55 @@ def sequence(name: str, value: Any) -> None:
     )
 
 
-def count(name: str, value: Any, lowest: int) -> None:
-    """A whole number, not below `lowest`."""
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
+def ascending(name: str, value: Any) -> None:
+    """A sequence of finite numbers, each larger than the one before."""
+    sequence(name, value)
+    for number in value:
+        finite(name, number)
+    require(all(a < b for a, b in zip(value, value[1:], strict=False)), f"{name} = {value!r} must ascend")
+
+
+def text(name: str, value: Any) -> None:
+    """Text."""
+    require(isinstance(value, str), f"{name} must be text, not {_shown(value)}")
+
+
+def flag(name: str, value: Any) -> None:
+    """True or False."""
+    require(isinstance(value, bool), f"{name} = {value!r} must be True or False")
+
+
+def anything(name: str, value: Any) -> None:
+    """Of a field that has a check of its own: it is kept `plain`."""
+
+
+def choice(*names: str) -> Check:
+    """One of these names."""
+    listed = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    return lambda name, value: require(value in names, f"{name} = {value!r} must be {listed}")
+
+
+def optional(check: Check, nothing: Any = None) -> Check:
+    """A value that may be left out."""
+    return lambda name, value: None if value is nothing or value == nothing else check(name, value)
+
+
+def instance(kind: type, more: str = "") -> Check:
+    """An object of a class."""
+    return lambda name, value: require(
+        isinstance(value, kind), f"{name} must be a {kind.__name__}, not {type(value).__name__}{more}"
+    )
+
+
+def several(kinds: Any, shown: str) -> Check:
+    """A sequence of objects of a class, or of a union of some."""
+
+    def of_a_kind(name: str, value: Any) -> None:
+        sequence(name, value)
+        for item in value:
+            require(isinstance(item, kinds), f"{name} holds {shown}, not {type(item).__name__}")
+
+    return of_a_kind
 
 
 def fits(function: Callable, arguments: int) -> bool:
@@ -92,6 +156,17 @@ def takes(name: str, function: Any, *arguments: str) -> None:
         not callable(function) or fits(function, len(arguments)),
         f"{name} must be a function of {len(arguments)} argument{'s' * (len(arguments) > 1)} ({', '.join(arguments)})",
     )
+
+
+def mask(name: str, value: Any) -> None:
+    """A function that chooses points."""
+    require(callable(value), f"{name} = {value!r} must be a function of rest positions (n, d) giving a mask (n,)")
+    takes(name, value, "X")
+
+
+def function_or(check: Check, *arguments: str) -> Check:
+    """A function of these arguments, or a value that fits."""
+    return lambda name, value: takes(name, value, *arguments) if callable(value) else check(name, value)
 
 
 def chosen(name: str, where: Callable, points: np.ndarray) -> np.ndarray:
@@ -122,4 +197,11 @@ def called(name: str, function: Callable, arguments: tuple, shape: tuple[int, ..
     except Exception as error:
         raise InputError(f"{name} failed: {type(error).__name__}: {' '.join(str(error).split())}") from error
     require(result.shape == shape, f"{name} must give an array of shape {shape}, not {result.shape}")
+    return result
+
+
+def numbers(name: str, function: Callable, arguments: tuple, shape: tuple[int, ...], when: str = "") -> np.ndarray:
+    """The same as floats, all of them finite; `when` is the time in messages, as " at t = 0.1 s"."""
+    result = called(name, function, arguments, shape).astype(float)
+    require(bool(np.isfinite(result).all()), f"{name} gives NaN or infinity{when}")
     return result

@@ -2,19 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
+from functools import partial
+from typing import Any, cast
 
-from pdvol.scene.checks import count, finite, keep_plain, plain, positive, require
-from pdvol.scene.lengths import Length, Relative, length
-from pdvol.scene.representation import one_line
+from pdvol.scene.checks import count, finite, plain, positive, require
+from pdvol.scene.element import Element
+from pdvol.scene.values import Length, Relative, length
 
 # fraction of Young's modulus: with 0.1, which the authors of the convergent formulation recommend, fast impacts close
 # gaps to 1e-3 dhat, where Newton's steps are short
 STIFFNESS = 0.3
 
 
-@dataclass(frozen=True)
-class Pascal:
+@dataclass(frozen=True, repr=False)
+class Pascal(Element):
     """A stiffness in pascal, where a number is a fraction of the softest Young's modulus.
 
     Attributes
@@ -23,14 +24,16 @@ class Pascal:
     """
 
     pascals: float
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "pascals")
-        positive("Pascal.pascals", self.pascals)
+    checks = {"pascals": positive}
 
 
-@dataclass(frozen=True)
-class Barrier:
+def _stiffness(name: str, value: Any) -> None:
+    if not isinstance(value, Pascal):
+        positive(name, value)
+
+
+@dataclass(frozen=True, repr=False)
+class Barrier(Element):
     """Contact without interpenetration: a barrier weighted by area, the same on every level (Li et al. 2023).
 
     Attributes
@@ -41,21 +44,16 @@ class Barrier:
 
     dhat: Length = Relative(1e-3)
     stiffness: float | Pascal = STIFFNESS
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "dhat", "stiffness")
-        length("Barrier.dhat", self.dhat)
-        if not isinstance(self.stiffness, Pascal):
-            positive("Barrier.stiffness", self.stiffness)
+    checks = {"dhat": length, "stiffness": _stiffness}
 
     def kappa(self, softest: float) -> float:
         """Its stiffness [Pa], given the softest Young's modulus [Pa]."""
         return self.stiffness.pascals if isinstance(self.stiffness, Pascal) else self.stiffness * softest
 
 
-@dataclass(frozen=True)
-class Friction:
+@dataclass(frozen=True, repr=False)
+class Friction(Element):
     """Coulomb friction, smoothed below a sliding speed and lagged (Li et al. 2020).
 
     Attributes
@@ -74,14 +72,16 @@ class Friction:
     iterations: int = 1
     pairs: Mapping[tuple[str, str], float] | Sequence[tuple[str, str, float]] = ()
     tolerance: float = 1e-2
-    __repr__ = one_line
+
+    checks = {
+        "mu": partial(finite, lowest=0.0),
+        "eps_v": length,
+        "iterations": partial(count, lowest=1),
+        "tolerance": positive,
+    }
 
     def __post_init__(self) -> None:
-        keep_plain(self, "mu", "eps_v", "iterations", "tolerance")
-        finite("Friction.mu", self.mu, 0.0)
-        length("Friction.eps_v", self.eps_v)
-        count("Friction.iterations", self.iterations, 1)
-        positive("Friction.tolerance", self.tolerance)
+        super().__post_init__()
         object.__setattr__(self, "pairs", _triples(self.pairs))
 
     def between(self, one: str, other: str) -> float:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.scene.bodies import Body
-from pdvol.scene.checks import called, count, finite, plain, require
-from pdvol.scene.motions import Vector
+from pdvol.scene.bodies import Body, velocities
+from pdvol.scene.checks import count, finite, plain, require
 from pdvol.scene.point_caches import TakeOver
+from pdvol.scene.values import Vector
 
 
 @dataclass(frozen=True)
@@ -30,15 +30,8 @@ class Jittered:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """(n, d) [m/s] at `points` (n, d) [m]."""
-        dim = points.shape[1]
-        base = np.zeros_like(points)
-        if callable(self.velocity):
-            base = called("velocity", self.velocity, (points,), points.shape)
-        elif len(self.velocity):
-            require(len(self.velocity) == dim, f"velocity = {self.velocity} has the wrong length in a {dim}D scene")
-            base = base + np.asarray(self.velocity, dtype=float)
-        direction = np.random.default_rng(self.seed).normal(size=dim)
-        return base + self.speed * direction / np.linalg.norm(direction)
+        direction = np.random.default_rng(self.seed).normal(size=points.shape[1])
+        return velocities("velocity", self.velocity, points) + self.speed * direction / np.linalg.norm(direction)
 
 
 def jittered(bodies: Sequence[Body], jitter: Any) -> tuple[Body, ...]:

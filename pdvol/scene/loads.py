@@ -7,14 +7,13 @@ everything where left out.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, keep_plain, positive, require, takes, vector
-from pdvol.scene.keyed import Keyed, keyed_numbers, keyed_vectors
-from pdvol.scene.motions import Vector
-from pdvol.scene.representation import one_line
+from pdvol.scene.checks import finite, mask, numbers, positive, require, vector
+from pdvol.scene.element import Element
+from pdvol.scene.values import Keyed, Vector, timed
 
 TimedVector = Vector | Keyed | Callable[[float], Vector]
 """A vector, `Keyed` vectors, or a function of time [s] that gives one."""
@@ -28,24 +27,14 @@ def everywhere(X: np.ndarray) -> np.ndarray:
 
 def at_time(name: str, value: TimedVector, time: float, dim: int) -> np.ndarray:
     """(dim,) a vector at a time. Raises InputError, naming it, where it does not fit or is not finite."""
-    found = called(name, value, (time,), (dim,)) if callable(value) else np.asarray(value, dtype=float)
-    require(found.shape == (dim,), f"{name} {tuple(found)} has {len(found)} components in a {dim}D scene")
-    require(np.isfinite(found.astype(float)).all(), f"{name} is NaN or infinite at t = {time:g} s")
-    return found.astype(float)
+    if callable(value):
+        return numbers(name, value, (time,), (dim,), f" at t = {time:g} s")
+    require(len(value) == dim, f"{name} {tuple(value)} has {len(value)} components in a {dim}D scene")
+    return np.array(value, dtype=float)
 
 
-def _vector(name: str, value: Any, *arguments: str) -> None:
-    """A vector, `Keyed` ones, or a function of these arguments: of t where none are given."""
-    if isinstance(value, Keyed):
-        keyed_vectors(name, value)
-    elif callable(value):
-        takes(name, value, *(arguments or ("t",)))
-    else:
-        vector(name, value)
-
-
-@dataclass(frozen=True)
-class Gravity:
+@dataclass(frozen=True, repr=False)
+class Gravity(Element):
     """A uniform acceleration [m/s^2]: a vector, `Keyed` vectors, or a function of time that gives one.
 
     Attributes
@@ -54,15 +43,11 @@ class Gravity:
     """
 
     acceleration: TimedVector
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "acceleration")
-        _vector("Gravity.acceleration", self.acceleration)
+    checks = {"acceleration": timed(vector)}
 
 
-@dataclass(frozen=True)
-class Force:
+@dataclass(frozen=True, repr=False)
+class Force(Element):
     """A total force [N] ([N] per metre of depth in 2D), or a function of time that gives one, distributed by mass over
     a region.
 
@@ -78,15 +63,11 @@ class Force:
     force: TimedVector
     where: Where = everywhere
     body: str = ""
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "force")
-        _vector("Force.force", self.force)
+    checks = {"force": timed(vector), "where": mask}
 
 
-@dataclass(frozen=True)
-class PointForce:
+@dataclass(frozen=True, repr=False)
+class PointForce(Element):
     """A force [N], or a function of time that gives one, on the material at a rest position [m], as placed.
 
     It acts on the corners of the cell there by their barycentric coordinates; of the nearest cell where a coarse level
@@ -102,16 +83,11 @@ class PointForce:
     force: TimedVector
     at: Vector
     body: str = ""
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "force", "at")
-        _vector("PointForce.force", self.force)
-        vector("PointForce.at", self.at)
+    checks = {"force": timed(vector), "at": vector}
 
 
-@dataclass(frozen=True)
-class Impulse:
+@dataclass(frozen=True, repr=False)
+class Impulse(Element):
     """A sudden change of velocity [m/s] of a region: the momentum that takes is given to it within the step in which
     `time` [s] falls.
 
@@ -127,16 +103,11 @@ class Impulse:
     time: float = 0.0
     where: Where = everywhere
     body: str = ""
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "velocity", "time")
-        vector("Impulse.velocity", self.velocity)
-        finite("Impulse.time", self.time, 0.0)
+    checks = {"velocity": vector, "time": partial(finite, lowest=0.0), "where": mask}
 
 
-@dataclass(frozen=True)
-class Flow:
+@dataclass(frozen=True, repr=False)
+class Flow(Element):
     """A current or a wind that drags on all surfaces: the force per area is density drag / 2 |u - v| (u - v), u the
     flow's velocity and v the surface's.
 
@@ -154,25 +125,17 @@ class Flow:
     density: float = 1000.0
     drag: float = 1.0
     body: str = ""
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "velocity", "density", "drag")
-        _vector("Flow.velocity", self.velocity, "x", "t")
-        positive("Flow.density", self.density)
-        positive("Flow.drag", self.drag)
+    checks = {"velocity": timed(vector, "x", "t"), "density": positive, "drag": positive}
 
     def at(self, positions: np.ndarray, time: float) -> np.ndarray:
         """(n, d) its velocity at positions (n, d) [m] and a time [s]."""
         if not callable(self.velocity) or isinstance(self.velocity, Keyed):
             return np.broadcast_to(at_time("Flow.velocity", self.velocity, time, positions.shape[1]), positions.shape)
-        found = called("Flow.velocity", self.velocity, (positions, time), positions.shape)
-        require(np.isfinite(found).all(), f"Flow.velocity gives NaN or infinity at t = {time:g} s")
-        return found
+        return numbers("Flow.velocity", self.velocity, (positions, time), positions.shape, f" at t = {time:g} s")
 
 
-@dataclass(frozen=True)
-class Pressure:
+@dataclass(frozen=True, repr=False)
+class Pressure(Element):
     """A pressure in all cavities of a body or, where it has none, in the body itself: a follower load, which pushes its
     surface outward.
 
@@ -184,24 +147,13 @@ class Pressure:
 
     body: str
     pressure: float | Keyed | Callable[[float], float]
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "pressure")
-        if isinstance(self.pressure, Keyed):
-            keyed_numbers("Pressure.pressure", self.pressure)
-        elif callable(self.pressure):
-            takes("Pressure.pressure", self.pressure, "t")
-        else:
-            finite("Pressure.pressure", self.pressure)
+    checks = {"pressure": timed(finite)}
 
     def at(self, time: float) -> float:
         """[Pa] at a time [s]. Raises InputError where a function fails or gives no finite number."""
         if not callable(self.pressure):
             return float(self.pressure)
-        found = float(called("Pressure.pressure", self.pressure, (time,), ()))
-        require(np.isfinite(found), f"Pressure.pressure is NaN or infinite at t = {time:g} s")
-        return found
+        return float(numbers("Pressure.pressure", self.pressure, (time,), (), f" at t = {time:g} s"))
 
 
 Load = Gravity | Force | PointForce | Impulse | Flow | Pressure

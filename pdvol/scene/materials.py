@@ -2,23 +2,37 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.forms import elasticity
-from pdvol.scene.checks import called, finite, keep_plain, positive, require, takes
-from pdvol.scene.keyed import Keyed, keyed_numbers
-from pdvol.scene.representation import one_line
+from pdvol.scene.checks import Check, called, finite, instance, plain, positive, require, takes
+from pdvol.scene.element import Element
+from pdvol.scene.values import Keyed, timed
 
 MOST = 1e20  # of a modulus [Pa] or a density: a hundred million times diamond's, so a typing error
 Value = float | Callable[[np.ndarray], np.ndarray]
 """A number, or a function of rest positions (n, d), as placed in the scene, that gives (n,)."""
 
 
-@dataclass(frozen=True)
-class Material:
+def _poisson(name: str, value: float) -> None:
+    finite(name, value)
+    require(-1.0 < value < 0.5, f"{name} = {value!r} must lie between -1 and 0.5 (0.499 is the stiffest in use)")
+
+
+LIMITS: dict[str, Check] = {
+    **dict.fromkeys(("young", "density"), partial(positive, highest=MOST)),
+    "poisson": _poisson,
+    "damping": partial(finite, lowest=0.0),
+}
+"""The checks of a material's numbers; of other laws' own parameters that they are finite."""
+
+
+@dataclass(frozen=True, repr=False)
+class Material(Element):
     """Hyperelastic material; a law overrides `psi`. Fields that a law adds are parameters of its psi, by name.
 
     Each field is a number, or a function of rest positions (n, d) [m] giving (n,): evaluated on the coarsest level,
@@ -36,34 +50,16 @@ class Material:
     poisson: Value = 0.4
     density: Value = 1000.0
     damping: Value = 0.0
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            keep_plain(self, field.name)
-            value = getattr(self, field.name)
+            label, value = self._named(field.name), plain(getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
+            timed(LIMITS.get(field.name, finite), "X")(label, value)
             if isinstance(value, Keyed):
-                require(field.name == "young", f"{type(self).__name__}.{field.name} cannot be Keyed; young can")
-                keyed_numbers(f"{type(self).__name__}.young", value)
-                positive(f"{type(self).__name__}.young, its lowest key,", min(value.values))
-                self._check("young", max(value.values))
-            elif callable(value):
-                takes(f"{type(self).__name__}.{field.name}", value, "X")
-            else:
-                self._check(field.name, value)
-
-    def _check(self, name: str, value: float) -> None:
-        label = f"{type(self).__name__}.{name}"
-        finite(label, value)
-        if name in ("young", "density"):
-            positive(label, value)
-            require(value <= MOST, f"{label} = {value!r} must be at most {MOST:g}")
-        elif name == "poisson":
-            require(
-                -1.0 < value < 0.5, f"{label} = {value!r} must lie between -1 and 0.5 (0.499 is the stiffest in use)"
-            )
-        elif name == "damping":
-            finite(label, value, 0.0)
+                require(field.name == "young", f"{label} cannot be Keyed; young can")
+                LIMITS["young"](f"{label}, its lowest key,", min(value.values))
+                LIMITS["young"](label, max(value.values))
 
     @property
     def mu(self) -> float:
@@ -92,17 +88,13 @@ class Material:
         """
         values = {}
         for field in fields(self):
-            given, label = getattr(self, field.name), f"{type(self).__name__}.{field.name}"
-            given = given(0.0) if isinstance(given, Keyed) else given
-            found = (
-                called(label, given, (points,), (len(points),)).astype(float)
-                if callable(given)
-                else np.full(len(points), float(given))
-            )
-            for worst in (
-                (found.min(initial=np.inf), found.max(initial=-np.inf)) if callable(given) and len(points) else ()
-            ):
-                self._check(field.name, float(worst))
+            given, label = getattr(self, field.name), self._named(field.name)
+            if callable(given) and not isinstance(given, Keyed):
+                found = called(label, given, (points,), (len(points),)).astype(float)
+                for worst in (found.min(), found.max()) if len(points) else ():
+                    LIMITS.get(field.name, finite)(label, float(worst))
+            else:
+                found = np.full(len(points), float(given(0.0) if isinstance(given, Keyed) else given))
             values[field.name] = found
         return values
 
@@ -122,36 +114,43 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
     return young / (2.0 * (1.0 + poisson)), young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NeoHookean(Material):
     """Compressible Neo-Hookean law with a logarithmic volume term: infinite energy at zero volume."""
 
     psi = staticmethod(elasticity.neo_hookean)
-    __repr__ = one_line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StVenantKirchhoff(Material):
     """Linear in Green's strain: stiffer than Neo-Hookean when pulled, and giving way below a stretch of 0.58 when
     pressed, down to a tenth of its volume, where a barrier holds it.
     """
 
     psi = staticmethod(elasticity.st_venant_kirchhoff)
-    __repr__ = one_line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FixedCorotational(Material):
     """Linear in the stretches: rotations cost nothing, stresses stay moderate; below a tenth of its volume a barrier
     holds it.
     """
 
     psi = staticmethod(elasticity.fixed_corotational)
-    __repr__ = one_line
 
 
-@dataclass(frozen=True)
-class Region:
+def _chooses(name: str, where: Any) -> None:
+    takes(name, where, "X")
+    labels = where if isinstance(where, tuple) else (where,)
+    require(labels != (), f"{name} = () names no label; give a function or labels of the input mesh's cells")
+    require(
+        callable(where) or all(isinstance(label, int) and not isinstance(label, bool) for label in labels),
+        f"{name} = {where!r} must be a function of positions or whole numbers, the labels of the input mesh's cells",
+    )
+
+
+@dataclass(frozen=True, repr=False)
+class Region(Element):
     """A part of a body with a material of its own, chosen on the coarsest level by its cells and carried to finer ones
     by the binding.
 
@@ -164,27 +163,8 @@ class Region:
 
     material: Material
     where: Callable[[np.ndarray], np.ndarray] | int | Sequence[int] | np.ndarray
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "where")
-        require(
-            isinstance(self.material, Material),
-            f"a region's material must be a Material, not {type(self.material).__name__}",
-        )
-        labels = self.labels
-        takes("Region.where", self.where, "X")
-        require(
-            callable(self.where) or len(labels) > 0,
-            "Region.where = () names no label; give a function or labels of the input mesh's cells",
-        )
-        for label in labels:
-            whole = isinstance(label, (int, np.integer)) and not isinstance(label, bool)
-            require(
-                whole,
-                f"Region.where = {self.where!r} must be a function of positions or whole numbers, the labels of the"
-                " input mesh's cells",
-            )
+    checks = {"material": instance(Material), "where": _chooses}
 
     @property
     def labels(self) -> tuple[int, ...]:

@@ -6,26 +6,34 @@ from typing import Any
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, keep_plain, require, sequence, takes, vector
-from pdvol.scene.representation import one_line
+from pdvol.scene.checks import (
+    anything,
+    ascending,
+    called,
+    direction,
+    finite,
+    moment,
+    require,
+    sequence,
+    takes,
+    vector,
+)
+from pdvol.scene.element import Element
+from pdvol.scene.values import Vector, as_many
 
-Vector = Sequence[float] | np.ndarray
-"""Components: a tuple, a list or an array. The dataclasses keep a tuple."""
 Motion = Callable[[np.ndarray, float], np.ndarray]
 
 
-@dataclass(frozen=True)
-class Still:
+@dataclass(frozen=True, repr=False)
+class Still(Element):
     """No motion."""
-
-    __repr__ = one_line
 
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         return X
 
 
-@dataclass(frozen=True)
-class Translation:
+@dataclass(frozen=True, repr=False)
+class Translation(Element):
     """Constant velocity [m/s], until `stop` [s].
 
     Attributes
@@ -36,19 +44,15 @@ class Translation:
 
     velocity: Vector
     stop: float = np.inf
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "velocity", "stop")
-        vector("Translation.velocity", self.velocity)
-        _end("Translation.stop", self.stop)
+    checks = {"velocity": vector, "stop": moment}
 
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         return X + min(t, self.stop) * np.asarray(self.velocity, dtype=float)
 
 
-@dataclass(frozen=True)
-class Rotation:
+@dataclass(frozen=True, repr=False)
+class Rotation(Element):
     """Constant angular speed [rad/s] about an axis through a centre, until `stop` [s]. In 2D the axis is the plane's
     normal.
 
@@ -64,23 +68,16 @@ class Rotation:
     centre: Vector
     axis: Vector = (0.0, 0.0, 1.0)
     stop: float = np.inf
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "speed", "centre", "axis", "stop")
-        finite("Rotation.speed", self.speed)
-        vector("Rotation.centre", self.centre)
-        vector("Rotation.axis", self.axis)
-        require(np.linalg.norm(self.axis) > 0, f"Rotation.axis = {self.axis!r} has no direction")
-        _end("Rotation.stop", self.stop)
+    checks = {"speed": finite, "centre": vector, "axis": direction, "stop": moment}
 
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         turn = rotation_matrix(self.speed * min(t, self.stop), self.axis, X.shape[1])
         return (X - np.asarray(self.centre, dtype=float)) @ turn.T + np.asarray(self.centre, dtype=float)
 
 
-@dataclass(frozen=True)
-class Path:
+@dataclass(frozen=True, repr=False)
+class Path(Element):
     """Translation along keyframes: at `times[i]` [s] the displacement is `points[i]` [m]; still before the first and
     after the last.
 
@@ -94,22 +91,12 @@ class Path:
     times: Vector
     points: Sequence[Vector] | np.ndarray
     smooth: bool = False
-    __repr__ = one_line
+
+    checks = {"times": ascending, "points": sequence, "smooth": anything}
 
     def __post_init__(self) -> None:
-        keep_plain(self, "times", "points", "smooth")
-        sequence("Path.times", self.times)
-        sequence("Path.points", self.points)
-        require(
-            len(self.times) == len(self.points) >= 2,
-            f"Path has {len(self.times)} times and {len(self.points)} points; give as many, two at least",
-        )
-        for t in self.times:
-            finite("Path.times", t)
-        require(
-            all(a < b for a, b in zip(self.times, self.times[1:], strict=False)),
-            f"Path.times = {self.times!r} must ascend",
-        )
+        super().__post_init__()
+        as_many(self, "times", "points")
         for point in self.points:
             vector("Path.points", point)
         require(len({len(p) for p in self.points}) == 1, "Path.points must all have two or all three components")
@@ -124,8 +111,8 @@ class Path:
         return X + np.array([np.interp(t, times, column) for column in points.T])
 
 
-@dataclass(frozen=True)
-class Sequential:
+@dataclass(frozen=True, repr=False)
+class Sequential(Element):
     """Motions applied one after the other at the same time: `Sequential((Rotation(...), Path(...)))` turns, and carries
     what has turned.
 
@@ -135,16 +122,13 @@ class Sequential:
     """
 
     motions: Sequence[Motion]
-    __repr__ = one_line
+
+    checks = {"motions": sequence}
 
     def __post_init__(self) -> None:
-        keep_plain(self, "motions")
-        sequence("Sequential.motions", self.motions)
-        require(
-            all(callable(motion) for motion in self.motions),
-            "Sequential.motions must be motions, callables (X, t) -> x",
-        )
+        super().__post_init__()
         for number, motion in enumerate(self.motions):
+            require(callable(motion), "Sequential.motions must be motions, callables (X, t) -> x")
             takes(f"Sequential.motions[{number}]", motion, "X", "t")
 
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
@@ -158,13 +142,6 @@ def keeps_shape(motion: Any) -> bool:
     if type(motion) is Sequential:
         return all(keeps_shape(part) for part in motion.motions)
     return type(motion) in (Still, Translation, Rotation, Path)
-
-
-def _end(name: str, value: Any) -> None:
-    require(
-        isinstance(value, (int, float, np.number)) and value >= 0.0,
-        f"{name} = {value!r} must be a time, not negative (inf: never)",
-    )
 
 
 def moved(motion: Motion, X: np.ndarray, t: float, whose: str) -> np.ndarray:

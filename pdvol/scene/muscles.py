@@ -2,18 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, fits, keep_plain, positive, require, takes, vector
-from pdvol.scene.keyed import Keyed, keyed_numbers
+from pdvol.scene.checks import anything, called, direction, finite, fits, function_or, mask, positive, require
+from pdvol.scene.element import Element
 from pdvol.scene.loads import Where, everywhere
-from pdvol.scene.motions import Vector
-from pdvol.scene.representation import one_line
+from pdvol.scene.values import Keyed, Vector, timed
 
 
-@dataclass(frozen=True)
-class Muscle:
+@dataclass(frozen=True, repr=False)
+class Muscle(Element):
     """A part of a body that pulls along its fibres, besides what its material does.
 
     The energy density is 1/2 a T |F f|^2: an active stress a T along the fibre f (second Piola-Kirchhoff), as in models
@@ -36,26 +36,21 @@ class Muscle:
     strength: float
     activation: float | Keyed | Callable[[float], float] | Callable[[float, np.ndarray], np.ndarray] = 1.0
     where: Where = everywhere
-    __repr__ = one_line
+
+    checks = {
+        "fibre": function_or(direction, "X"),
+        "strength": positive,
+        "activation": anything,
+        "where": mask,
+    }
 
     def __post_init__(self) -> None:
-        keep_plain(self, "fibre", "strength", "activation")
+        super().__post_init__()
         require(not isinstance(self.fibre, Keyed), "Muscle.fibre cannot be Keyed; activation can")
-        if not callable(self.fibre):
-            vector("Muscle.fibre", self.fibre)
-            require(np.linalg.norm(self.fibre) > 0, f"Muscle.fibre = {self.fibre!r} has no direction")
-        positive("Muscle.strength", self.strength)
+        if not callable(self.activation) or isinstance(self.activation, Keyed) or not fits(self.activation, 1):
+            timed(partial(finite, lowest=0.0), "t", "X")("Muscle.activation", self.activation)
         if isinstance(self.activation, Keyed):
-            keyed_numbers("Muscle.activation", self.activation)
             finite("Muscle.activation, its lowest key,", min(self.activation.values), 0.0)
-        elif callable(self.activation):
-            if not fits(self.activation, 1):
-                takes("Muscle.activation", self.activation, "t", "X")
-        else:
-            finite("Muscle.activation", self.activation, 0.0)
-        takes("Muscle.fibre", self.fibre, "X")
-        takes("Muscle.where", self.where, "X")
-        require(callable(self.where), f"Muscle.where = {self.where!r} must be a function of rest positions (n, d)")
 
     def fibres(self, points: np.ndarray) -> np.ndarray:
         """(n, d) unit vectors at rest positions (n, d). Raises InputError where a function fails or has no direction

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.scene.checks import finite, keep_plain, positive, require, vector
-from pdvol.scene.motions import Vector, rotation_matrix
-from pdvol.scene.representation import one_line
+from pdvol.scene.checks import finite, optional, positive, require, vector
+from pdvol.scene.element import Element
+from pdvol.scene.motions import rotation_matrix
+from pdvol.scene.values import Vector
 
 
-@dataclass(frozen=True)
-class Placement:
+@dataclass(frozen=True, repr=False)
+class Placement(Element):
     """Scale, then rotate by `angle` [rad] about `axis` through the origin, then translate [m].
 
     Attributes
@@ -25,15 +26,8 @@ class Placement:
     angle: float = 0.0
     axis: Vector = (0.0, 0.0, 1.0)
     scale: float = 1.0
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "translate", "angle", "axis", "scale")
-        for name in ("translate", "axis"):
-            if getattr(self, name) != ():
-                vector(f"Placement.{name}", getattr(self, name))
-        positive("Placement.scale", self.scale)
-        finite("Placement.angle", self.angle)
+    checks = {"translate": optional(vector, ()), "angle": finite, "axis": optional(vector, ()), "scale": positive}
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         dim = points.shape[1]

@@ -1,4 +1,6 @@
-"""Motions from elsewhere: the points of an animation, frame by frame, as a rig or another simulation has left them."""
+"""Motions and starts from elsewhere: the points of an animation, frame by frame, or of a mesh at t = 0, as a rig or
+another simulation has left them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from pdvol.meshes import Surface
-from pdvol.scene.checks import finite, keep_plain, positive, require
-from pdvol.scene.motions import Vector
+from pdvol.scene.checks import anything, ascending, finite, flag, instance, optional, positive, require
+from pdvol.scene.element import Element
 from pdvol.scene.placement import Placement
-from pdvol.scene.representation import one_line
+from pdvol.scene.values import Vector
 
 USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
 ALEMBIC_FILES = (".abc",)
 CACHE_FILES = (".pc2", *USD_FILES, *ALEMBIC_FILES)
 
 
-@dataclass(frozen=True, eq=False)
-class PointCache:
+@dataclass(frozen=True, eq=False, repr=False)
+class PointCache(Element):
     """The points of an animation at its frames. In between they move straight and evenly; before the first frame and
     after the last they rest.
 
@@ -48,14 +50,11 @@ class PointCache:
     prim: str = ""
     placement: Placement = Placement()
     tolerance: float = 0.05
-    __repr__ = one_line
+
+    checks = {"times": anything, "fps": optional(positive), "begin": finite, "tolerance": positive}
 
     def __post_init__(self) -> None:
-        keep_plain(self, "times", "fps", "begin", "tolerance")
-        finite("PointCache.begin", self.begin)
-        positive("PointCache.tolerance", self.tolerance)
-        if self.fps is not None:
-            positive("PointCache.fps", self.fps)
+        super().__post_init__()
         if isinstance(self.faces, Surface):
             object.__setattr__(self, "faces", self.faces.triangles)
         if not isinstance(self.faces, (str, Path)):
@@ -93,14 +92,11 @@ class PointCache:
         given = (self.times != ()) + (self.fps is not None)
         require(given == 1, "PointCache: an array needs times, or fps, the frames a second: one of the two")
         if self.fps is None:
-            for time in self.times:
-                finite("PointCache.times", time)
             require(
                 len(self.times) == len(frames),
                 f"PointCache has {len(self.times)} times and {len(frames)} frames; give as many",
             )
-            ascending = all(a < b for a, b in zip(self.times, self.times[1:], strict=False))
-            require(ascending, "PointCache.times must ascend")
+            ascending("PointCache.times", self.times)
 
     @property
     def label(self) -> str:
@@ -110,8 +106,8 @@ class PointCache:
         return f"the point cache {self.source}{inside}" if named else "the point cache"
 
 
-@dataclass(frozen=True)
-class TakeOver:
+@dataclass(frozen=True, repr=False)
+class TakeOver(Element):
     """The velocity of a body that goes on where an animation ends: t = 0 is the animation's last frame, in which the
     body's shape is given.
 
@@ -127,15 +123,56 @@ class TakeOver:
 
     cache: PointCache
     rigid: bool = True
-    __repr__ = one_line
+
+    checks = {"cache": instance(PointCache), "rigid": flag}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Posed(Element):
+    """Vertices of a mesh at rest, and where they are at t = 0: the `start` of a `Body` on all of its levels.
+
+    A level's vertices follow the cell that they lie in at rest, or that is nearest to them, by its linear map. So the
+    mesh may be that of any level, or another one of the same shape. A stored state of an earlier run is given by
+    `Posed(level.rest, level.cells, level.positions(step))`, and one of its bodies by a part of the cells.
+
+    Attributes
+    ----------
+    rest : (n, d) [m]
+        Rest positions in the scene, as placed.
+    cells : (m, d + 1) triangles or tetrahedra; vertices of none are left out
+    positions : (n, d) [m]
+        Where the same vertices are at t = 0.
+    tolerance : how far a vertex of a level may be from the mesh, as a fraction of its diagonal
+    """
+
+    rest: np.ndarray | Sequence
+    cells: np.ndarray | Sequence
+    positions: np.ndarray | Sequence
+    tolerance: float = 0.05
+
+    checks = {"tolerance": positive}
 
     def __post_init__(self) -> None:
-        keep_plain(self, "rigid")
+        super().__post_init__()
+        for name, dtype in (("rest", None), ("positions", None), ("cells", np.int64)):
+            object.__setattr__(self, name, kept_array(f"Posed.{name}", getattr(self, name), dtype))
+        rest, cells, positions = np.asarray(self.rest), np.asarray(self.cells), np.asarray(self.positions)
         require(
-            isinstance(self.cache, PointCache),
-            f"TakeOver.cache must be a PointCache, not {type(self.cache).__name__}",
+            rest.ndim == 2 and rest.shape[1] in (2, 3) and rest.shape == positions.shape,
+            f"Posed.rest and positions have the shapes {rest.shape} and {positions.shape}; give (n, 2) or (n, 3)",
         )
-        require(isinstance(self.rigid, bool), f"TakeOver.rigid = {self.rigid!r} must be True or False")
+        require(
+            bool(np.isfinite(rest).all() and np.isfinite(positions).all()),
+            "Posed.rest or positions has NaN or infinity",
+        )
+        require(
+            cells.ndim == 2 and len(cells) > 0 and cells.shape[1] == rest.shape[1] + 1,
+            f"Posed.cells has the shape {cells.shape}; give (m, {rest.shape[1] + 1}), as triangles in 2D or tetrahedra",
+        )
+        require(
+            bool(cells.min() >= 0 and cells.max() < len(rest)),
+            f"Posed.cells names vertices from {cells.min()} to {cells.max()}; there are 0 to {len(rest) - 1}",
+        )
 
 
 def kept_array(name: str, values: Any, dtype: type | None) -> np.ndarray:

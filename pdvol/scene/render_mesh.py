@@ -8,11 +8,11 @@ import numpy as np
 from pdvol.meshes import RenderSurface, Surface
 from pdvol.registry import INTERPOLANTS
 from pdvol.scene.checks import require
-from pdvol.scene.representation import one_line
+from pdvol.scene.element import Element
 
 
-@dataclass(frozen=True, eq=False)
-class RenderMesh:
+@dataclass(frozen=True, eq=False, repr=False)
+class RenderMesh(Element):
     """A surface of any resolution that follows a body on each of its levels, in the coordinates of the body's shape.
 
     It does not change the simulation: a stored run takes another one with `--resume`, without a step computed anew.
@@ -29,10 +29,11 @@ class RenderMesh:
     shape: str | Path | RenderSurface | Surface
     texture: str | Path | np.ndarray = ""
     interpolant: str = "phong"
-    __repr__ = one_line
+
+    checks = {"interpolant": lambda _, value: INTERPOLANTS.check(value)}
 
     def __post_init__(self) -> None:
-        INTERPOLANTS.check(self.interpolant)
+        super().__post_init__()
         if isinstance(self.shape, (tuple, list)):
             require(
                 2 <= len(self.shape) <= 4,

@@ -2,26 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from typing import Any, get_args
 
 from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Separate
-from pdvol.scene.checks import count, finite, keep_plain, positive, require, sequence
+from pdvol.scene.checks import choice, count, finite, positive, require, several
 from pdvol.scene.contact import Barrier, Friction
+from pdvol.scene.element import Element
 from pdvol.scene.jitter import jittered
-from pdvol.scene.loads import Load
+from pdvol.scene.loads import Impulse, Load
 from pdvol.scene.muscles import Muscle
-from pdvol.scene.representation import one_line
 from pdvol.scene.solver import Penalty, Solver
 from pdvol.scene.surroundings import Obstructing, Support
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
-LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate", "attachments", "muscles")
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, repr=False)
+class Scene(Element):
     """A shot. Everything below is described once, for all levels.
 
     Attributes
@@ -65,47 +65,36 @@ class Scene:
     attachments: Sequence[Attachment] = ()
     muscles: Sequence[Muscle] = ()
     elements: str = ELEMENTS[0]
-    __repr__ = one_line
+
+    whose = ""
+    checks = {
+        "bodies": several(Body, "Body(shape, material)"),
+        "dt": positive,
+        "steps": partial(count, lowest=0, highest=MOST_STEPS),
+        "loads": several(Load, ", ".join(kind.__name__ for kind in get_args(Load))),
+        "supports": several(Support, "Support(where)"),
+        "obstacles": several(Obstructing, ", ".join(kind.__name__ for kind in get_args(Obstructing))),
+        "contact": several(Barrier | Friction, "Barrier() and Friction(mu)"),
+        "separate": several(Separate, "Separate(by, limit)"),
+        "integrator": lambda _, value: INTEGRATORS.check(value),
+        "feedback": partial(finite, lowest=0.0, highest=1.0),
+        "attachments": several(Attachment, "Attachment(body, other, where)"),
+        "muscles": several(Muscle, "Muscle(body, fibre, strength)"),
+        "elements": choice(*ELEMENTS),
+    }
 
     def __post_init__(self) -> None:
-        keep_plain(self, "dt", "steps", "feedback", *LISTS)
-        positive("dt", self.dt)
-        count("steps", self.steps, 0)
-        require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
-        INTEGRATORS.check(self.integrator)
-        require(self.elements in ELEMENTS, f"elements = {self.elements!r} must be {' or '.join(ELEMENTS)}")
-        finite("feedback", self.feedback, 0.0)
-        require(self.feedback <= 1.0, f"feedback = {self.feedback!r} must be at most 1: it is a fraction of the drift")
-        for name in LISTS:
-            sequence(name, getattr(self, name))
+        super().__post_init__()
         require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]
         require(len(set(names)) == len(names), f"bodies must have different names, not {names}")
         counts = {b.levels for b in self.bodies}
         require(len(counts) == 1, f"all bodies need the same number of levels, not {sorted(counts)}")
-        for s in self.supports:
-            require(s.body in ("", *names), f"a support names the body {s.body!r}; there are {names}")
-        for remedy in self.separate:
-            require(isinstance(remedy, Separate), f"separate holds Separate(by, limit), not {type(remedy).__name__}")
-        for load in self.loads:
-            require(
-                isinstance(load, Load),
-                f"loads hold {', '.join(kind.__name__ for kind in get_args(Load))}, not {type(load).__name__}",
-            )
-            body = getattr(load, "body", "")
-            require(body in ("", *names), f"a {type(load).__name__} names the body {body!r}; there are {names}")
-        for muscle in self.muscles:
-            require(
-                isinstance(muscle, Muscle), f"muscles hold Muscle(body, fibre, strength), not {type(muscle).__name__}"
-            )
-            require(muscle.body in names, f"a Muscle names the body {muscle.body!r}; there are {names}")
-        for attachment in self.attachments:
-            require(
-                isinstance(attachment, Attachment),
-                f"attachments hold Attachment(body, other, where), not {type(attachment).__name__}",
-            )
-            for name in (attachment.body, attachment.other):
-                require(name in names, f"an Attachment names the body {name!r}; there are {names}")
+        for element in (*self.supports, *self.loads, *self.muscles, *self.attachments):
+            some = ("", *names) if isinstance(element, (Support, *get_args(Load))) else names
+            article = "an" if isinstance(element, Attachment | Impulse) else "a"
+            for name in (getattr(element, key) for key in ("body", "other") if hasattr(element, key)):
+                require(name in some, f"{article} {type(element).__name__} names the body {name!r}; there are {names}")
         for kind in (Barrier, Friction):
             require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
         self._check_pairs(names, [getattr(o, "name", "") for o in self.obstacles])

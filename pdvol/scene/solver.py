@@ -1,14 +1,15 @@
 """The settings of the solver, and of the penalty that holds levels together."""
 
 from dataclasses import dataclass
+from functools import partial
 
-from pdvol.scene.checks import count, finite, keep_plain, positive, require
-from pdvol.scene.lengths import Length, Relative, length
-from pdvol.scene.representation import one_line
+from pdvol.scene.checks import choice, count, finite, positive, text
+from pdvol.scene.element import Element
+from pdvol.scene.values import Length, Relative, length
 
 
-@dataclass(frozen=True)
-class Solver:
+@dataclass(frozen=True, repr=False)
+class Solver(Element):
     """How each incremental potential is minimised.
 
     Attributes
@@ -31,28 +32,20 @@ class Solver:
     linear: str = "auto"
     linear_rtol: float = 3e-3
     petsc: str = ""
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "tolerance", "relative_tolerance", "max_iterations", "max_halvings", "linear_rtol")
-        length("Solver.tolerance", self.tolerance)
-        finite("Solver.relative_tolerance", self.relative_tolerance, 0.0)
-        fraction = self.relative_tolerance
-        require(fraction <= 0.1, f"Solver.relative_tolerance = {fraction!r} must be at most 0.1")
-        count("Solver.max_iterations", self.max_iterations, 1)
-        count("Solver.max_halvings", self.max_halvings, 0)
-        require(self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must be at most 20")
-        require(isinstance(self.petsc, str), f'Solver.petsc = {self.petsc!r} must be text, as in "-ksp_rtol 1e-6"')
-        require(
-            self.linear in ("auto", "iterative", "multilevel", "direct"),
-            f"Solver.linear = {self.linear!r} must be auto, iterative, multilevel or direct",
-        )
-        positive("Solver.linear_rtol", self.linear_rtol)
-        require(self.linear_rtol <= 0.1, f"Solver.linear_rtol = {self.linear_rtol!r} must be at most 0.1")
+    checks = {
+        "tolerance": length,
+        "relative_tolerance": partial(finite, lowest=0.0, highest=0.1),
+        "max_iterations": partial(count, lowest=1),
+        "max_halvings": partial(count, lowest=0, highest=20),
+        "linear": choice("auto", "iterative", "multilevel", "direct"),
+        "linear_rtol": partial(positive, highest=0.1),
+        "petsc": text,
+    }
 
 
-@dataclass(frozen=True)
-class Penalty:
+@dataclass(frozen=True, repr=False)
+class Penalty(Element):
     """Weights w of w |x - P x_c|^2_M, x_c the coarser level's positions at the end of the step (docs/methods.md;
     paper 3.2.3).
 
@@ -67,12 +60,8 @@ class Penalty:
 
     consistency: float = 0.0
     weight: float = 0.0
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "consistency", "weight")
-        finite("Penalty.consistency", self.consistency, 0.0)
-        finite("Penalty.weight", self.weight, 0.0)
+    checks = dict.fromkeys(("consistency", "weight"), partial(finite, lowest=0.0))
 
     def of(self, method: str) -> float:
         """The weight that a method's levels are held with."""

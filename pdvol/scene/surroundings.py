@@ -2,21 +2,39 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pdvol.meshes import Outline, Surface
-from pdvol.scene.checks import keep_plain, positive, require, takes, vector
-from pdvol.scene.motions import Motion, Still, Vector
+from pdvol.scene.checks import anything, instance, mask, moment, positive, require, takes, vector
+from pdvol.scene.element import Element
+from pdvol.scene.motions import Motion, Still
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import PointCache
-from pdvol.scene.representation import one_line
+from pdvol.scene.values import Vector
 
 
-@dataclass(frozen=True)
-class Plane:
+def _moves(name: str, motion: Any) -> None:
+    require(
+        callable(motion) or isinstance(motion, PointCache),
+        f"{name} = {motion!r} must be a motion, a callable (X, t) -> x or a PointCache",
+    )
+    takes(name, motion, "X", "t")
+
+
+def _moves_rigidly(name: str, motion: Any) -> None:
+    require(
+        not isinstance(motion, PointCache),
+        f"{name}: a PointCache moves each point by itself; use Deforming, or a Support",
+    )
+    _moves(name, motion)
+
+
+@dataclass(frozen=True, repr=False)
+class Plane(Element):
     """A rigid half-space: the side that `normal` points to is free.
 
     Attributes
@@ -31,19 +49,18 @@ class Plane:
     normal: Vector
     motion: Motion = Still()
     name: str = "plane"
-    __repr__ = one_line
+
+    whose = "plane {name!r}: "
+    checks = {"point": vector, "normal": vector, "motion": _moves_rigidly}
 
     def __post_init__(self) -> None:
-        keep_plain(self, "point", "normal")
-        vector(f"plane {self.name!r}: point", self.point)
-        vector(f"plane {self.name!r}: normal", self.normal)
+        super().__post_init__()
         require(len(self.point) == len(self.normal), f"plane {self.name!r}: point and normal differ in length")
         require(np.linalg.norm(self.normal) > 0, f"plane {self.name!r}: the normal is zero")
-        _no_cache(f"plane {self.name!r}", self.motion)
 
 
-@dataclass(frozen=True)
-class Rigid:
+@dataclass(frozen=True, repr=False)
+class Rigid(Element):
     """A rigid obstacle: a surface (3D), a closed outline or an open polyline (2D); the path of a surface file will do.
 
     Attributes
@@ -62,17 +79,13 @@ class Rigid:
     name: str = "obstacle"
     closed: bool = True
     opacity: float = 1.0
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "closed", "opacity")
-        positive(f"obstacle {self.name!r}: opacity", self.opacity)
-        require(self.opacity <= 1.0, f"obstacle {self.name!r}: opacity = {self.opacity!r} must be at most 1")
-        _no_cache(f"obstacle {self.name!r}", self.motion)
+    whose = "obstacle {name!r}: "
+    checks = {"motion": _moves_rigidly, "closed": anything, "opacity": partial(positive, highest=1.0)}
 
 
-@dataclass(frozen=True)
-class Deforming:
+@dataclass(frozen=True, repr=False)
+class Deforming(Element):
     """An obstacle whose vertices follow an animation. Within a step they move on straight ways, and collision detection
     and friction see each of them.
 
@@ -90,25 +103,17 @@ class Deforming:
     name: str = "obstacle"
     closed: bool = True
     opacity: float = 1.0
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "closed", "opacity")
-        require(
-            isinstance(self.motion, PointCache),
-            f"obstacle {self.name!r}: motion must be a PointCache, not {type(self.motion).__name__};"
-            " a Rigid takes functions",
-        )
-        positive(f"obstacle {self.name!r}: opacity", self.opacity)
-        require(self.opacity <= 1.0, f"obstacle {self.name!r}: opacity = {self.opacity!r} must be at most 1")
+    whose = Rigid.whose
+    checks = {**Rigid.checks, "motion": instance(PointCache, "; a Rigid takes functions")}
 
 
 Obstructing = Plane | Rigid | Deforming
 """What bodies cannot enter."""
 
 
-@dataclass(frozen=True)
-class Support:
+@dataclass(frozen=True, repr=False)
+class Support(Element):
     """Vertices whose positions are prescribed.
 
     Attributes
@@ -124,36 +129,11 @@ class Support:
     body: str = ""
     motion: Motion | PointCache = Still()
     release: float = np.inf
-    __repr__ = one_line
 
-    def __post_init__(self) -> None:
-        keep_plain(self, "release")
-        require(
-            callable(self.where),
-            f"Support.where = {self.where!r} must be a function of rest positions (n, d) giving a mask (n,)",
-        )
-        require(
-            callable(self.motion) or isinstance(self.motion, PointCache),
-            f"Support.motion = {self.motion!r} must be a motion, a callable (X, t) -> x or a PointCache",
-        )
-        takes("Support.where", self.where, "X")
-        takes("Support.motion", self.motion, "X", "t")
-        number = isinstance(self.release, (int, float, np.number)) and not isinstance(self.release, bool)
-        require(
-            number and self.release >= 0.0,
-            f"Support.release = {self.release!r} must be a time, not negative (inf: never)",
-        )
+    checks = {"where": mask, "motion": _moves, "release": moment}
 
     def holds(self, time: float, dt: float) -> bool:
         """Whether a step of dt [s] that begins at `time` [s] still holds them; times are compared to a millionth of the
         step.
         """
         return time < self.release - 1e-6 * dt
-
-
-def _no_cache(whose: str, motion: Any) -> None:
-    require(
-        not isinstance(motion, PointCache),
-        f"{whose}: a PointCache moves each point by itself; use Deforming, or a Support",
-    )
-    takes(f"{whose}: motion", motion, "X", "t")

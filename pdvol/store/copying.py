@@ -1,21 +1,19 @@
 """A second folder with the states of a run, whole or up to a step, even while the run is written."""
 
 import shutil
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.store.files import jsonable, write_bytes, write_json
+from pdvol.store.files import TEMPORARY, jsonable, write_json
 from pdvol.store.folder import RUN_FORMAT, late_file, level_folder, run_state
-from pdvol.store.log import log_line, read_log
-from pdvol.store.reader import open_run
-from pdvol.store.render_meshes import render_files
+from pdvol.store.log import read_log, write_log
+from pdvol.store.reader import Run, open_run
 from pdvol.store.states import States
-
-MESH_FILES = ("mesh.npz", "velocity.npy")  # of a level
 
 
 def copy_run(source: Path, target: Path, steps: int | None = None, levels: int | None = None) -> dict:
-    """Copy a run; what `target` has of the same run already is left.
+    """Copy a run; states that `target` has of the same run already are left.
 
     States come before `run.json`, so that a reader finds a whole run or none. A level that another process is writing
     is "interrupted" in the copy.
@@ -43,28 +41,19 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
     counts = [level.steps if steps is None else min(level.steps, steps) for level in kept]
     entries = [dict(level.info) for level in kept]
     try:
+        for file in _files(run, counts):
+            copied = target / file.relative_to(source)
+            copied.parent.mkdir(parents=True, exist_ok=True)
+            aside = copied.with_name(f".{copied.name}{TEMPORARY}")
+            shutil.copyfile(file, aside)
+            aside.replace(copied)
         for level, count in zip(kept, counts, strict=True):
-            folder = level_folder(target, level.index)
-            folder.mkdir(parents=True, exist_ok=True)
-            late = [late_file(level.folder, step) for step in range(count)]
-            for file in (*(level.folder / name for name in MESH_FILES), *late):
-                if not (folder / file.name).exists() and file.exists():
-                    _copy(file, folder / file.name)
-            States(folder, level.rest.shape).extend(level.positions, count)
-        if (source / "obstacles.json").exists():
-            shutil.copytree(source / "obstacles", target / "obstacles", dirs_exist_ok=True)
-            _copy(source / "obstacles.json", target / "obstacles.json")
-        for file in render_files(source, len(kept)):
-            (target / file.relative_to(source)).parent.mkdir(exist_ok=True)
-            _copy(file, target / file.relative_to(source))
+            States(level_folder(target, level.index), level.rest.shape).extend(level.positions, count)
     except OSError as error:
         raise SimulationError(f"cannot copy {source} to {target}: {error.strerror or error}") from error
-    records = [
-        record
-        for record in read_log(source / "log.jsonl")
-        if record.get("level", 0) < len(kept) and record.get("step", 0) < counts[record.get("level", 0)]
-    ]
-    write_bytes(target / "log.jsonl", b"".join(log_line(record) for record in records))
+    stored = dict(enumerate(counts))
+    records = read_log(source / "log.jsonl")
+    write_log(target / "log.jsonl", (r for r in records if r.get("step", 0) < stored.get(r.get("level", 0), 0)))
     for entry, count, level in zip(entries, counts, kept, strict=True):
         if entry["state"] == "running" or count < level.steps:
             entry["state"] = "interrupted"
@@ -73,10 +62,15 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
     return info
 
 
-def _copy(file: Path, target: Path) -> None:
-    aside = target.with_name(f".{target.name}.tmp")
-    shutil.copyfile(file, aside)
-    aside.replace(target)
+def _files(run: Run, counts: Sequence[int]) -> Iterator[Path]:
+    """All that is copied as it is, with so many states of the coarsest levels; lists after the files that they name."""
+    for level, count in zip(run.levels, counts, strict=False):
+        late = (late_file(level.folder, step) for step in range(count))
+        yield from (f for f in (level.folder / "mesh.npz", level.folder / "velocity.npy", *late) if f.exists())
+        yield from sorted(level.folder.glob("render_*.npz"))
+    for name in ("obstacles", "render"):
+        yield from sorted((run.path / name).glob("[0-9]*"))
+        yield from run.path.glob(f"{name}.json")
 
 
 def require_new(path: Path) -> None:

@@ -15,9 +15,9 @@ import math
 import os
 import time
 import zipfile
-import zlib
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, TextIO, TypeVar
 
 import numpy as np
 
@@ -26,22 +26,7 @@ from pdvol.errors import InputError, SimulationError
 TEMPORARY = ".tmp"  # the end of temporary names, which a later writer removes
 LOCK_ATTEMPTS = 5  # to take a lock: a process that checks whether a run is in use holds it for an instant
 LOCK_PAUSE = 0.02  # seconds between attempts
-_UNREADABLE = (
-    OSError,
-    ValueError,
-    EOFError,
-    KeyError,
-    SyntaxError,
-    TypeError,
-    AttributeError,
-    MemoryError,
-    RecursionError,
-    OverflowError,
-    NotImplementedError,
-    RuntimeError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+STORED_LISTS = {"obstacles": "obstacles", "render": "render meshes"}  # names of a run's lists in messages
 
 
 def write_bytes(path: Path, data: bytes | memoryview) -> None:
@@ -163,55 +148,45 @@ def write_json(path: Path, value: dict) -> None:
     write_bytes(path, (json.dumps(jsonable(value), indent=2) + "\n").encode())
 
 
-def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
-    """Read a float64 array of a known shape.
+def mapped_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """A float64 array of a known shape in a .npy file; its numbers are read where they are used.
 
     Raises
     ------
     InputError
-        When the file is missing, cut short, of another shape or holds numbers that are not finite.
+        When the file is missing, cut short or holds another array.
     """
-    if not path.exists():
-        raise InputError(f"{path} is missing")
-    if not is_whole(path, shape):  # before a damaged header can request memory
-        raise InputError(f"{path} is damaged or cut short (it is no float64 array of shape {shape})")
     try:
-        array = np.load(path, allow_pickle=False)
-    except _UNREADABLE as error:
-        raise InputError(f"{path} is damaged or cut short ({error})") from error
-    if not np.isfinite(array).all():
-        raise InputError(f"{path} holds numbers that are not finite")
+        array = np.load(path, mmap_mode="r", allow_pickle=False)  # so that no damaged header requests memory
+        if array.shape != shape or array.dtype != np.float64:
+            raise ValueError(f"it is no float64 array of shape {shape}")
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is missing") from error
+    except Exception as error:  # damaged files fail in any way
+        raise InputError(f"{path} is damaged or cut short ({' '.join(str(error).split())})") from error
     return array
 
 
-def is_whole(path: Path, shape: tuple[int, ...]) -> bool:
-    """Whether a .npy file has the header and the length of a float64 array of this shape; its numbers are not read."""
-    try:
-        with open(path, "rb") as file:
-            version = np.lib.format.read_magic(file)
-            read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[
-                version
-            ]
-            stored, _, dtype = read_header(file)
-            payload = os.fstat(file.fileno()).st_size - file.tell()
-    except _UNREADABLE:
-        return False
-    return stored == shape and dtype == np.float64 and payload == 8 * math.prod(shape)
+def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """The same in memory; InputError also where it holds numbers that are not finite."""
+    array = np.array(mapped_array(path, shape))
+    if not np.isfinite(array).all():
+        raise InputError(f"{path} holds numbers that are not finite")
+    return array
 
 
 def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Read named arrays of a .npz file; InputError when it is missing, damaged or lacks one of `names`."""
     try:
         with zipfile.ZipFile(path) as archive:
-            if (
-                sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size
-            ):  # pdvol's are not compressed; this one could fill the memory
-                raise ValueError("compressed")
+            unpacked = sum(entry.file_size for entry in archive.infolist())
+        if unpacked > path.stat().st_size:  # pdvol's are not compressed; this one could fill the memory
+            raise ValueError("compressed")
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except FileNotFoundError as error:
         raise InputError(f"{path} is missing") from error
-    except _UNREADABLE as error:  # a plain .npy array in its place is no context manager, for example
+    except Exception as error:  # damaged files fail in any way
         raise InputError(f"{path} is damaged or cut short ({error})") from error
     missing = [name for name in names if name not in arrays]
     if missing:
@@ -238,6 +213,40 @@ def read_json(path: Path) -> dict:
     if not isinstance(value, dict):
         raise InputError(f"{path} does not hold a JSON object")
     return value
+
+
+Made = TypeVar("Made")
+
+
+def write_list(folder: Path, name: str, entries: Sequence[dict], arrays: Sequence[Mapping[str, np.ndarray]]) -> None:
+    """Write `<name>.json`, a list of JSON objects, and `<name>/<i>.npz`, the arrays of each. The list is the last: once
+    it is there, every file that it names is.
+    """
+    (folder / name).mkdir(exist_ok=True)
+    for i, named in enumerate(arrays):
+        write_arrays(folder / name / f"{i}.npz", **named)
+    write_json(folder / f"{name}.json", {name: list(entries)})
+
+
+def read_list(folder: Path, name: str, make: Callable[[int, dict, dict[str, np.ndarray]], Made]) -> tuple[Made, ...]:
+    """What `make` gives of the number, the JSON object and the arrays of each entry; none where no list was written.
+
+    Raises
+    ------
+    InputError
+        A file is damaged; a run's states do not depend on it.
+    """
+    file = folder / f"{name}.json"
+    try:
+        entries = read_json(file).get(name, [])
+        return tuple(make(i, entry, read_arrays(folder / name / f"{i}.npz", ())) for i, entry in enumerate(entries))
+    except FileNotFoundError:
+        return ()
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{file} is no list of {STORED_LISTS[name]}; the stored states do not depend on it: remove it, or resume"
+            " the run"
+        ) from error
 
 
 def jsonable(value: Any) -> Any:

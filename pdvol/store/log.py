@@ -1,7 +1,7 @@
 """`log.jsonl`: one JSON object a line, one line per level and step, in the order in which they were solved."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
 
 from pdvol.errors import InputError
@@ -37,14 +37,11 @@ def read_log(path: Path) -> list[dict]:
     return records
 
 
-def keep_log(path: Path, keep: Callable[[dict], bool]) -> None:
-    """Drop the records that `keep` refuses, and a torn last line."""
-    lines = [log_line(record) for record in read_log(path) if keep(record)]
-    text = b"".join(lines)
-    if not path.exists() or path.read_bytes() != text:
-        write_bytes(path, text)
-
-
 def log_line(record: dict) -> bytes:
     """One record as a line of the log."""
     return (json.dumps(jsonable(record)) + "\n").encode()
+
+
+def write_log(path: Path, records: Iterable[dict]) -> None:
+    """Replace the log by these records."""
+    write_bytes(path, b"".join(log_line(record) for record in records))

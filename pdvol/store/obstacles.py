@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.store.files import read_arrays, read_json, write_arrays, write_json
+from pdvol.store.files import read_list, write_list
 
 # By kind of obstacle: the arrays that it must have.
 NEEDED_ARRAYS = {"plane": ("point", "normal"), "mesh": ("vertices", "faces"), "polyline": ("vertices", "edges")}
@@ -76,37 +76,13 @@ def write_obstacles(folder: Path, obstacles: Sequence[Mapping]) -> None:
     """
     drawn = []
     for entry in obstacles:
-        arrays = {
-            key: np.asarray(value) for key, value in entry.items() if key not in ("name", "kind") and value is not None
-        }
+        arrays = {key: np.asarray(value) for key, value in entry.items() if key not in ("name", "kind")}
         drawn.append(DrawnObstacle(str(entry["name"]), str(entry["kind"]), arrays))
-    (folder / "obstacles").mkdir(exist_ok=True)
-    for i, obstacle in enumerate(drawn):
-        write_arrays(folder / "obstacles" / f"{i}.npz", **obstacle.arrays)
-    # The list comes last: once it is there, every file it names is.
-    write_json(folder / "obstacles.json", {"obstacles": [{"name": o.name, "kind": o.kind} for o in drawn]})
+    write_list(folder, "obstacles", [{"name": o.name, "kind": o.kind} for o in drawn], [o.arrays for o in drawn])
 
 
 def read_obstacles(folder: Path) -> tuple[DrawnObstacle, ...]:
     """The stored obstacles, none when none were stored; InputError when a file is damaged (the states do not depend on
     it).
     """
-    try:
-        entries = read_json(folder / "obstacles.json").get("obstacles", [])
-    except FileNotFoundError:
-        return ()
-    if not isinstance(entries, list) or not all(
-        isinstance(entry, dict) and isinstance(entry.get("kind"), str) for entry in entries
-    ):
-        raise InputError(
-            f"{folder / 'obstacles.json'} is no list of obstacles; the stored states do not depend on it: remove it"
-        )
-    result = []
-    for i, entry in enumerate(entries):
-        kind = entry.get("kind")
-        result.append(
-            DrawnObstacle(
-                entry.get("name"), kind, read_arrays(folder / "obstacles" / f"{i}.npz", NEEDED_ARRAYS.get(kind, ()))
-            )
-        )
-    return tuple(result)
+    return read_list(folder, "obstacles", lambda _, entry, arrays: DrawnObstacle(entry["name"], entry["kind"], arrays))

@@ -3,13 +3,13 @@ none.
 """
 
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.store.files import is_whole, read_array
-from pdvol.store.states import States
+from pdvol.store.files import mapped_array, read_array
 
 
 class OldStates:
@@ -21,8 +21,10 @@ class OldStates:
 
     def count(self) -> int:
         """How many whole states there are in a row from step 0 on."""
-        while is_whole(self._file(self._known), self._shape):
-            self._known += 1
+        with suppress(InputError):
+            while True:
+                mapped_array(self._file(self._known), self._shape)
+                self._known += 1
         return self._known
 
     def stamp(self, step: int) -> tuple[int, ...] | None:
@@ -41,17 +43,10 @@ class OldStates:
             raise InputError(f"{self._file(step)} is damaged: its numbers are not those that were stored")
         return positions
 
-    def convert(self) -> None:
-        """Store the same states as `States` does. The old files stay."""
-        states = States(self._folder, self._shape)
-        states.create()
-        states.extend(self.read, self.count())
+    def remove(self) -> None:
+        """Remove the files, which were converted."""
+        for file in (*self._folder.glob("[0-9]*.npy"), self._folder / "checksums.bin"):
+            file.unlink(missing_ok=True)
 
     def _file(self, step: int) -> Path:
         return self._folder / f"{step:06d}.npy"
-
-
-def remove_old_states(folder: Path) -> None:
-    """Remove the files of the older layout, which were converted."""
-    for file in (*folder.glob("[0-9]*.npy"), folder / "checksums.bin"):
-        file.unlink(missing_ok=True)

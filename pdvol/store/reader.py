@@ -4,7 +4,8 @@ A run may be read while it is written. Errors name what is missing or damaged, a
 """
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from contextlib import suppress
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,8 +47,7 @@ class RunLevel:
         self.folder = level_folder(run.path, index)
         self._run = run
         self._read = lru_cache(KEPT_STATES)(lambda step, stamp: self.states.read(step))
-        self._log: tuple[list[dict], list[dict]] = ([], [])  # all records of the run, and those of this level
-        self._render_weights: dict[int, csr_matrix] = {}
+        self._weights = cache(partial(read_render_weights, self.folder))
         self._space: tuple[MPI.Comm, LevelSpace] | None = None
 
     def __repr__(self) -> str:
@@ -57,32 +57,25 @@ class RunLevel:
     @cached_property
     def mesh(self) -> LevelMesh:
         """The level's mesh at rest."""
-        return self._stored_mesh[0]
-
-    @cached_property
-    def _stored_mesh(self) -> tuple[LevelMesh, np.ndarray]:
         path = self.folder / "mesh.npz"
         try:
-            arrays = read_arrays(path, ("points", "cells", "bodies", "regions", "surface"))
+            arrays = read_arrays(path, ("points", "cells", "bodies", "regions"))
         except InputError as error:
             raise InputError(f"{error}: level {self.index} cannot be used, the other levels can") from error
-        points, cells = arrays["points"], arrays["cells"]
+        points, cells, bodies, regions = (arrays[key] for key in ("points", "cells", "bodies", "regions"))
         sound = (
             points.ndim == 2 and points.shape[1] in (2, 3) and points.dtype == np.float64 and np.isfinite(points).all()
         )
-        sound = sound and all(
-            _numbers(array, (None, width), len(points))
-            for array, width in ((cells, points.shape[1] + 1), (arrays["surface"], points.shape[1]))
-        )
         if (
             not sound
-            or len(cells) == 0
-            or not all(_numbers(arrays[key], (len(cells),), 2**31) for key in ("bodies", "regions"))
+            or cells.size == 0
+            or not _numbers(cells, (*cells.shape[:1], points.shape[1] + 1), len(points))
+            or not all(_numbers(labels, cells.shape[:1], 2**31) for labels in (bodies, regions))
         ):
             raise InputError(
                 f"{path} does not hold a mesh of triangles (2D) or tetrahedra (3D): level {self.index} cannot be used"
             )
-        return LevelMesh(points, cells, arrays["bodies"], arrays["regions"]), arrays["surface"]
+        return LevelMesh(points, cells, bodies, regions)
 
     @property
     def rest(self) -> np.ndarray:
@@ -107,7 +100,7 @@ class RunLevel:
     @property
     def surface(self) -> np.ndarray:
         """(k, d) int64: boundary facets, outward."""
-        return self._stored_mesh[1]
+        return self.mesh.boundary
 
     @cached_property
     def states(self) -> States | OldStates:
@@ -195,41 +188,29 @@ class RunLevel:
 
     def render_weights(self, mesh: StoredRender) -> "csr_matrix":
         """W (n, vertices of the level): positions of a render mesh of the run are W x, its velocities W v."""
-        if mesh.index not in self._render_weights:
-            weights = read_render_weights(self.folder, mesh.index, len(self.rest))
-            self._render_weights[mesh.index] = weights
-        return self._render_weights[mesh.index]
+        return self._weights(mesh.index, len(self.rest))
 
     def behind(self, step: int) -> float:
-        """[s] how far obstacles were behind their motions at the end of a step, at most."""
-        if not late_file(self.folder, step).exists():
-            return 0.0
+        """[s] how far motions were behind at the end of a step, at most."""
         return self.record(step).get("behind", 0.0)
 
     def late(self, step: int) -> dict[str, float]:
         """[s] the same of each motion that was behind, by its name in the log, where not all were as far behind."""
-        if not late_file(self.folder, step).exists():
-            return {}
         return self.record(step).get("late", {})
 
     @property
     def log(self) -> list[dict]:
         """The log's records of this level."""
-        records = self._run.records()
-        if records is not self._log[0]:
-            own = [record for record in records if record.get("level") == self.index and "step" in record]
-            self._log = records, own
-        return list(self._log[1])
+        return list(self._run.records().get(self.index, {}).values())
 
     def record(self, step: int) -> dict:
         """The log's record of a step; empty where there is none."""
-        return next((record for record in self.log if record["step"] == step), {})
+        return self._run.records().get(self.index, {}).get(step, {})
 
 
 def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:
-    """Whether an array holds whole numbers below `end`, none negative, in this shape; None stands for any length."""
-    fits = array.ndim == len(shape) and all(wanted in (None, n) for wanted, n in zip(shape, array.shape, strict=True))
-    return fits and array.dtype.kind in "iu" and (array.size == 0 or (array.min() >= 0 and array.max() < end))
+    """Whether an array holds whole numbers below `end`, none negative, in this shape."""
+    return array.shape == shape and array.dtype.kind in "iu" and bool(array.min() >= 0 and array.max() < end)
 
 
 class Run:
@@ -254,7 +235,7 @@ class Run:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self._log: tuple[tuple[int, int] | None, list[dict]] = None, []
+        self._log: tuple[tuple[int, int] | None, dict[int, dict[int, dict]]] = None, {}
         self.info = read_info(self.path)
         if self.info.get("state") == "creating":
             raise InputError(f"{self.path}: the run was interrupted before its first step; start it again")
@@ -271,16 +252,18 @@ class Run:
         """Time step [s]."""
         return float(self.info["dt"])
 
-    def records(self) -> list[dict]:
-        """All records of the log, parsed anew where the file has changed."""
-        path = self.path / "log.jsonl"
-        try:
+    def records(self) -> dict[int, dict[int, dict]]:
+        """The log's records by level and step, read anew where the file has changed."""
+        path, stamp = self.path / "log.jsonl", (0, 0)
+        with suppress(OSError):
             found = path.stat()
-        except OSError:
-            return read_log(path)
-        state = found.st_mtime_ns, found.st_size
-        if self._log[0] != state:
-            self._log = state, read_log(path)
+            stamp = found.st_mtime_ns, found.st_size
+        if self._log[0] != stamp:
+            records: dict[int, dict[int, dict]] = {}
+            for record in read_log(path):
+                if "level" in record and "step" in record:
+                    records.setdefault(record["level"], {})[record["step"]] = record
+            self._log = stamp, records
         return self._log[1]
 
     @cached_property

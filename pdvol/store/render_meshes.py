@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.store.files import read_arrays, read_json, write_arrays, write_bytes, write_json
+from pdvol.store.files import read_arrays, read_list, write_arrays, write_bytes, write_list
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 _ARRAYS = ("points", "counts", "corners", "uvs", "uv_corners", "first", "fans")
+_WEIGHTS = ("data", "indices", "indptr")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,64 +74,41 @@ def write_render_meshes(folder: Path, entries: Sequence[Mapping[str, Any]]) -> N
     """
     if not entries and not (folder / "render.json").exists():
         return
-    write_json(folder / "render.json", {"render": []})  # while files are replaced there is none
-    (folder / "render").mkdir(exist_ok=True)
+    write_list(folder, "render", (), ())  # while files are replaced there is none
     listed = []
     for i, entry in enumerate(entries):
-        write_arrays(folder / "render" / f"{i}.npz", **{key: np.asarray(entry["arrays"][key]) for key in _ARRAYS})
-        texture = ""
-        if entry["texture"] is not None:
-            data, ending = entry["texture"]
-            texture = f"{i}{ending}"
+        data, ending = entry["texture"] or (b"", "")
+        texture = f"{i}{ending}" if data else ""
+        if texture:
             write_bytes(folder / "render" / texture, data)
         for level, w in enumerate(entry["weights"]):
-            file = _weights_file(folder / "levels" / str(level), i)
-            write_arrays(file, data=w.data, indices=w.indices, indptr=w.indptr)
+            write_arrays(_weights_file(folder / "levels" / str(level), i), **{key: getattr(w, key) for key in _WEIGHTS})
         listed.append({key: entry[key] for key in ("body", "name", "interpolant")} | {"texture": texture})
-    write_json(folder / "render.json", {"render": listed})
+    write_list(folder, "render", listed, [{key: entry["arrays"][key] for key in _ARRAYS} for entry in entries])
 
 
 def read_render_meshes(folder: Path) -> tuple[StoredRender, ...]:
     """The stored surfaces, none when none were stored; InputError when a file is damaged (the states do not depend on
     it).
     """
-    file = folder / "render.json"
-    try:
-        entries = read_json(file).get("render", [])
-    except FileNotFoundError:
-        return ()
-    found = []
-    try:
-        for i, entry in enumerate(entries):
-            arrays = read_arrays(folder / "render" / f"{i}.npz", _ARRAYS)
-            texture = folder / "render" / entry["texture"] if entry["texture"] else None
-            kept = {key: arrays[key] for key in _ARRAYS}
-            found.append(StoredRender(i, entry["body"], entry["name"], entry["interpolant"], texture, **kept))
-    except (KeyError, TypeError) as error:
-        raise InputError(
-            f"{file} is no list of render meshes; the stored states do not depend on it: remove it, or resume the run"
-        ) from error
-    return tuple(found)
+
+    def made(index: int, entry: dict, arrays: Mapping[str, np.ndarray]) -> StoredRender:
+        texture = folder / "render" / entry["texture"] if entry["texture"] else None
+        kept = (arrays[key] for key in _ARRAYS)
+        return StoredRender(index, entry["body"], entry["name"], entry["interpolant"], texture, *kept)
+
+    return read_list(folder, "render", made)
 
 
 def read_render_weights(level_folder: Path, index: int, columns: int) -> "csr_matrix":
     """W (n, columns) of a level; InputError where it is missing or damaged."""
-    file = _weights_file(level_folder, index)
     try:
-        arrays = read_arrays(file, ("data", "indices", "indptr"))
+        arrays = read_arrays(_weights_file(level_folder, index), _WEIGHTS)
     except InputError as error:
         raise InputError(f"{error}; pdvol run SCENE --resume binds the render meshes again") from error
     from scipy.sparse import csr_matrix  # takes as long to load as all else that reads a run
 
-    indptr = arrays["indptr"]
-    return csr_matrix((arrays["data"], arrays["indices"], indptr), shape=(len(indptr) - 1, columns))
-
-
-def render_files(folder: Path, levels: int) -> list[Path]:
-    """All files of a run's render meshes with the weights of its first levels, `render.json` the last."""
-    weights = [f for level in range(levels) for f in sorted((folder / "levels" / str(level)).glob("render_*.npz"))]
-    own = sorted((folder / "render").glob("[0-9]*")) if (folder / "render").is_dir() else []
-    return [*weights, *own, *([folder / "render.json"] if (folder / "render.json").exists() else [])]
+    return csr_matrix(tuple(arrays[key] for key in _WEIGHTS), shape=(len(arrays["indptr"]) - 1, columns))
 
 
 def _weights_file(level_folder: Path, index: int) -> Path:

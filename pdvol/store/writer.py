@@ -4,18 +4,18 @@
 """
 
 import shutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
-from pdvol.errors import SimulationError
+from pdvol.errors import InputError, SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store import obstacles as stored_obstacles
 from pdvol.store import render_meshes as stored_render
-from pdvol.store.files import TEMPORARY, append, jsonable, write_arrays, write_json
+from pdvol.store.files import TEMPORARY, append, jsonable, sync_file, write_array, write_arrays, write_json
 from pdvol.store.folder import (
     LEVEL_STATES,
     RUN_FORMAT,
@@ -24,13 +24,11 @@ from pdvol.store.folder import (
     keep_late,
     late_file,
     level_folder,
-    new_info,
     read_info,
     run_state,
-    write_level,
 )
-from pdvol.store.log import keep_log, log_line
-from pdvol.store.old_states import OldStates, remove_old_states
+from pdvol.store.log import log_line, read_log, write_log
+from pdvol.store.old_states import OldStates
 from pdvol.store.reader import Run
 from pdvol.store.states import States
 
@@ -78,7 +76,12 @@ class RunWriter:
             When the folder holds something else, a run, or is being written.
         """
         path = Path(path)
-        info = new_info(info, body_names)
+        missing = [key for key in ("dt", "steps") if key not in info]
+        if missing:
+            raise InputError(f"a run needs {missing} in its info")
+        # A folder that a kill leaves in the state "creating" has no step, and may be replaced.
+        begun = {"format": RUN_FORMAT, "bodies": [str(name) for name in body_names], "levels": [], "state": "creating"}
+        info = {**jsonable(info), **begun}
         writer = cls(path, claim(path, replace))
         try:
             writer.info = info
@@ -111,17 +114,18 @@ class RunWriter:
             for aside in path.rglob(f".*{TEMPORARY}"):
                 aside.unlink()
             for level in run.levels:
+                states = States(level.folder, level.rest.shape)
                 if isinstance(level.states, OldStates):
-                    level.states.convert()
-                writer._states.append(States(level.folder, level.rest.shape))
-                writer._count.append(writer._states[-1].repair())
+                    states.extend(level.states.read, level.states.count())
+                writer._states.append(states)
+                writer._count.append(states.repair())
                 keep_late(level.folder, writer._count[-1])
             writer.info["format"] = RUN_FORMAT
             writer._keep_log()
             writer._interrupt()  # this process has the lock: no other one writes
             writer._save_states()
             for level in run.levels:
-                remove_old_states(level.folder)
+                OldStates(level.folder, level.rest.shape).remove()  # also those that a kill left
         except BaseException:
             writer.close()
             raise
@@ -133,12 +137,21 @@ class RunWriter:
 
     def add_level(self, mesh: LevelMesh, velocity: np.ndarray | None = None) -> int:
         """Append a finer level, with its initial velocity (n, d) [m/s] (at rest when None); returns its index."""
-        level = len(self.info["levels"])
-        entry = write_level(self.path, level, mesh, velocity)
-        self._states.append(States(level_folder(self.path, level), mesh.points.shape))
+        level, points = len(self.info["levels"]), np.asarray(mesh.points, dtype=np.float64)
+        v = np.zeros_like(points) if velocity is None else np.ascontiguousarray(velocity, dtype=np.float64)
+        if v.shape != points.shape:
+            raise InputError(f"level {level}: the initial velocity has shape {v.shape}, the mesh {points.shape}")
+        folder = level_folder(self.path, level)
+        folder.mkdir(parents=True, exist_ok=True)
+        states = States(folder, points.shape)
+        states.create()
+        write_arrays(folder / "mesh.npz", points=points, cells=mesh.cells, bodies=mesh.bodies, regions=mesh.regions)
+        write_array(folder / "velocity.npy", v)
+        sync_file(folder.parent)
+        self._states.append(states)
         self._count.append(0)
         self.info["dimension"] = mesh.dim
-        self.info["levels"].append(entry)
+        self.info["levels"].append({"vertices": len(points), "cells": len(mesh.cells), "state": "pending"})
         self._save()
         return level
 
@@ -194,7 +207,7 @@ class RunWriter:
             shutil.rmtree(level_folder(self.path, level), ignore_errors=True)
             for export in self.path.glob(f"level_{level}.*"):
                 export.unlink()
-        self._keep_log(dropped)
+        self._keep_log()
 
     def append_log(self, record: Mapping) -> None:
         """Append one record, which names its `level` and `step`; before `write_state` of that step."""
@@ -253,9 +266,8 @@ class RunWriter:
         self.info["state"] = run_state(self.info["levels"])
         self._save()
 
-    def _keep_log(self, dropped: Collection[int] = ()) -> None:
+    def _keep_log(self) -> None:
         """Drop the log's records whose state is not stored, and a torn last line."""
-        stored = {**dict.fromkeys(dropped, 0), **dict(enumerate(self._count))}
-        keep_log(
-            self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level", -1), np.inf)
-        )
+        stored = dict(enumerate(self._count))
+        records = read_log(self.path / "log.jsonl")
+        write_log(self.path / "log.jsonl", (r for r in records if r.get("step", 0) < stored.get(r.get("level", 0), 0)))

@@ -355,13 +355,12 @@ def test_meshes_are_data(inspect_):
                 file.writestr(f"{name}.npy", data)
         return buffer.getvalue()
 
-    names = ("points", "cells", "bodies", "regions", "surface")
+    names = ("points", "cells", "bodies", "regions")
     sound = {
         "points": POINTS[:3, :2],
         "cells": np.array([[0, 1, 2]]),
         "bodies": np.zeros(1, np.int32),
         "regions": np.zeros(1, np.int32),
-        "surface": np.array([[0, 1]]),
     }
     hostile = [
         archive(**dict.fromkeys(names, npy(np.array([Owned()], dtype=object)))),

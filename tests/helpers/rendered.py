@@ -3,9 +3,9 @@
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.render_binding import render_weights
 from pdvol.meshes import RenderSurface
 from pdvol.meshing.weld import coincident
+from pdvol.runs.render_binding import render_weights
 from shapes import box
 
 

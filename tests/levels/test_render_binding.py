@@ -7,12 +7,12 @@ from pdvol import meshes
 from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
-from pdvol.levels import render_binding
-from pdvol.levels.render_binding import render_weights
 from pdvol.meshes import RenderSurface
 from pdvol.meshing.tetrahedralise import tetrahedralise
 from pdvol.meshing.weld import coincident
 from pdvol.registry import INTERPOLANTS
+from pdvol.runs import render_binding
+from pdvol.runs.render_binding import render_weights
 from shapes import box, grid, level
 
 MAP, SHIFT = np.array([[1.2, 0.3, -0.1], [-0.2, 0.9, 0.4], [0.1, -0.3, 1.1]]), np.array([0.3, -2.0, 5.0])

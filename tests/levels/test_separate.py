@@ -10,8 +10,8 @@ from pdvol.cli import run
 from pdvol.errors import InputError, IntersectionError
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import placed_obstacles
-from pdvol.levels.separation import build_apart as build_apart_from
 from pdvol.meshing.build import build_levels
+from pdvol.runs.separation import build_apart as build_apart_from
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
 from shapes import solid
 

@@ -10,10 +10,10 @@ from pdvol import Barrier, Body, InputError, IntersectionError, NeoHookean, Plan
 from pdvol.levels.initial_state import smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.obstacles import placed_obstacles
-from pdvol.levels.separation import build_apart
 from pdvol.levels.start import start_positions, started
 from pdvol.meshing.build import build_levels
 from pdvol.runs.scene_summary import modelled_terms
+from pdvol.runs.separation import build_apart
 from pdvol.scene.fingerprint import describe
 from shapes import solid
 

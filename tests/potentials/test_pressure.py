@@ -145,7 +145,7 @@ def test_a_ring_widens_as_lame_says():
 def test_mistakes_are_named():
     mesh = box(2, 1)
     for pressure, message in (
-        (lambda t: np.nan, "Pressure.pressure is NaN"),
+        (lambda t: np.nan, "Pressure.pressure gives NaN"),
         (lambda t: (1.0, 2.0), "Pressure.pressure must give an array of shape"),
         (lambda t: 1 / 0, "Pressure.pressure failed"),
     ):

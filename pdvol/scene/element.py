@@ -1,9 +1,12 @@
-"""How the scene's dataclasses show themselves: on one line, arrays by their shapes, functions by their names."""
+"""What the dataclasses of a scene have in common: checked fields, and a repr of one line."""
 
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+
+from pdvol.scene.checks import Check, plain
 
 MOST_ITEMS = 4  # of a tuple: of a longer one the first two, the last one and the number are shown
 MOST_TEXT = 80  # characters of one value
@@ -14,6 +17,26 @@ def one_line(element: Any) -> str:
     """`Name(field=value, ...)` of a dataclass, without the fields that have their default; its `__repr__`."""
     shown = [f"{f.name}={_value(getattr(element, f.name))}" for f in fields(element) if not _is_default(element, f)]
     return f"{type(element).__name__}({', '.join(shown)})"
+
+
+class Element:
+    """A frozen dataclass of a scene. Each field that has a line in `checks` is kept `plain`, and checked.
+
+    A class with more to check extends `__post_init__`.
+    """
+
+    checks: ClassVar[Mapping[str, Check]] = {}
+    whose: ClassVar[str] = "{kind}."  # before the name of a field in messages
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        for name, check in self.checks.items():
+            object.__setattr__(self, name, plain(getattr(self, name)))
+            check(self._named(name), getattr(self, name))
+
+    def _named(self, field: str) -> str:
+        """The name of a field in messages."""
+        return self.whose.format(kind=type(self).__name__, name=getattr(self, "name", "")) + field
 
 
 def _is_default(element: Any, field: Field) -> bool:

@@ -29,8 +29,8 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import INSIDE, Binding, bind
 from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.space import LevelSpace
-from pdvol.levels.surface_homes import nearest_homes
 from pdvol.registry import INTERPOLANTS
+from pdvol.runs.surface_homes import nearest_homes
 
 OF_POINTS = ("barycentric", "phong")
 """Interpolants that need nothing of what they carry but its points."""
