@@ -1,6 +1,7 @@
 """Pictures and films are drawn without a display and without output on the terminal, and they are not empty."""
 
 import importlib.util
+import io
 import os
 import subprocess
 import sys
@@ -14,12 +15,15 @@ from commands import SAFETY
 from pdvol.cli import run as command
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
+from pdvol.store.writer import RunWriter
 from pdvol.studio.draw.compose import Grid, Pane, frames
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.film import film_rate, film_steps, write_film
 from pdvol.studio.draw.layout import CELL_GAP
 from pdvol.studio.draw.picture import CAPTIONS, chosen_steps, picture, render
 from pdvol.studio.draw.views import Shot
+from rendered import entry_of, grown_box
+from shapes import box
 
 SMALL = Shot(width=120)
 
@@ -42,6 +46,7 @@ def test_no_display_and_no_word(solid_run, tmp_path):
     code = f"""
 from pdvol.studio.draw.picture import render
 from pdvol.store.reader import open_run
+from pdvol.store.writer import RunWriter
 render(open_run({str(solid_run)!r}), {str(tmp_path / "run.png")!r}, levels=[0], steps=[1])
 """
     for display in ({}, {"DISPLAY": ":77"}):
@@ -101,6 +106,25 @@ def test_chosen_steps_hold_both_ends(flat_run, solid_run):
     steps = chosen_steps(open_run(flat_run).levels[0], 6)
     assert steps == sorted(set(steps)) and steps[0] == 0 and steps[-1] == 6 and len(steps) == 5
     assert chosen_steps(open_run(solid_run).levels[0], 3, 5, 1) == [1, 2, 3]
+
+
+def test_a_render_mesh_is_drawn_with_its_texture(tmp_path):
+    """A box whose faces are blue above and green below, and without its render mesh of the first body's colour."""
+    texture, buffer, mesh = np.zeros((8, 8, 3), dtype=np.uint8), io.BytesIO(), box(3, 2)
+    texture[:4], texture[4:] = (0, 0, 255), (0, 255, 0)
+    Image.fromarray(texture).save(buffer, "PNG")
+    with RunWriter.create(tmp_path / "run", {"dt": 0.05, "steps": 0}, [mesh], ["left"]) as run:
+        run.write_render_meshes([entry_of(mesh, 0, grown_box(0.0, 1.0, 0.03), texture=(buffer.getvalue(), ".png"))])
+        run.write_state(0, 0, mesh.points)
+    found = []
+    for shot in (Shot("front", render_meshes=True), Shot("front")):
+        red, green, blue = np.moveaxis(pixels(render(open_run(tmp_path / "run"), tmp_path / "a.png", shot=shot)), 2, 0)
+        others = (np.maximum(green, blue), np.maximum(red, blue), np.maximum(red, green))
+        found.append([mine - other > 60 for mine, other in zip((red, green, blue), others, strict=True)])
+    (warm, green, blue), plain = found
+    assert blue.mean() > 0.05 and green.mean() > 0.05 and warm.mean() < 0.001
+    assert np.nonzero(blue)[0].mean() < np.nonzero(green)[0].mean() - 20, "the upper half of the texture is above"
+    assert plain[0].mean() > 0.1 and plain[1].mean() == plain[2].mean() == 0.0
 
 
 def test_shadows_are_darker_where_a_body_is_nearer():
