@@ -119,7 +119,7 @@ class Child:
 
 
 def serve(file: int) -> None:
-    """In the child: answer the calls that come from a connection, by its file descriptor, until it closes or is idle."""
+    """In the child: answer the calls that come from a connection, by its file descriptor, until it closes or idles."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
