@@ -20,7 +20,7 @@ from pdvol.errors import InputError
 from pdvol.meshing.cpu_budget import ProcessFailed, ProcessStopped, Watch
 from pdvol.processes import die_with_parent, limit_processor_time, without_launcher
 
-LOOK = 1.0  # seconds between two looks at a child that works
+LOOK_PAUSE = 1.0  # seconds between two looks at a child that works
 KEPT = 10.0  # seconds without a call after which a child takes none, and ends soon: it holds 100 MB of libraries
 _START = "import sys; sys.path[:] = sys.argv[2:]; import pdvol.meshing.child_process as c; c.serve(int(sys.argv[1]))"
 
@@ -82,7 +82,7 @@ class Child:
         try:
             with Watch(self._process.pid) as watch:
                 self._calls.send((os.getcwd(), function, given, cpu_seconds, memory, loads))
-                while not self._calls.poll(LOOK):
+                while not self._calls.poll(LOOK_PAUSE):
                     watch.check(who)
                 done, answer = self._calls.recv()
         except (EOFError, ConnectionError):
