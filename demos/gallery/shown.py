@@ -7,7 +7,6 @@ ENTRIES = (
         "ring_throw",
         "A frog through a ring",
         settings={"speed": 4.6059, "angle": 58.3774, "aim": 2.90129, "spin": 1.2504},
-        small={"vertices": (150, 300)},
         view="follow:frog",
         slow=(0.3, 1.1),
         moment=0.48,
