@@ -24,12 +24,15 @@ class LevelMesh:
         Index of the body that owns each cell.
     regions : (m,) int32
         Label of the region each cell belongs to, within its body.
+    places : (n, d) float64 [m], optional
+        Point of the input's shape that each point stands for; not given where they are the same.
     """
 
     points: np.ndarray
     cells: np.ndarray
     bodies: np.ndarray
     regions: np.ndarray
+    places: np.ndarray | None = None
 
     def __repr__(self) -> str:
         return f"LevelMesh(points={self.points.shape}, cells={self.cells.shape}, bodies={len(np.unique(self.bodies))})"
@@ -37,6 +40,13 @@ class LevelMesh:
     @property
     def dim(self) -> int:
         return self.points.shape[1]
+
+    @property
+    def on_the_shape(self) -> np.ndarray:
+        """(n, d) [m]: the `places`, or the points. Choices by place are made there, so that all levels choose the same
+        part of the shape.
+        """
+        return self.points if self.places is None else self.places
 
     @cached_property
     def point_bodies(self) -> np.ndarray:
@@ -105,7 +115,13 @@ class LevelMesh:
         mine = self.bodies == number
         points, cells = np.unique(self.cells[mine], return_inverse=True)
         return (
-            LevelMesh(self.points[points], cells.reshape(-1, self.dim + 1), self.bodies[mine], self.regions[mine]),
+            LevelMesh(
+                self.points[points],
+                cells.reshape(-1, self.dim + 1),
+                self.bodies[mine],
+                self.regions[mine],
+                None if self.places is None else self.places[points],
+            ),
             points,
         )
 

@@ -120,7 +120,7 @@ def _one_place(mesh: LevelMesh, body: int, name: str, what: str, place: Any) -> 
 def _part(mesh: LevelMesh, body: int, name: str, what: str, where: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """(k,) int64: the boundary facets of a body whose centres are chosen, by their rows in the level's."""
     mine = np.flatnonzero(mesh.bodies[mesh.boundary_cells] == body)
-    held = chosen(what, where, mesh.points[mesh.boundary[mine]].mean(axis=1))
+    held = chosen(what, where, mesh.on_the_shape[mesh.boundary[mine]].mean(axis=1))
     if not held.any():
         raise InputError(
             f"{what} holds no boundary facet of body {name!r} on the coarsest level; widen it, or give that level more"

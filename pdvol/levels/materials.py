@@ -71,7 +71,7 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
     for i, body in enumerate(scene.bodies):
         choice = np.where(mesh.bodies == i, 0, -1)
         for number, region in enumerate(body.regions, 1):
-            choice[_held(region, f"body {body.name!r}, region {number}", mesh, centres, mesh.bodies == i)] = number
+            choice[_held(region, f"body {body.name!r}, region {number}", mesh, mesh.bodies == i)] = number
         parts += [
             (m, np.flatnonzero(choice == number))
             for number, m in enumerate((body.material, *(r.material for r in body.regions)))
@@ -95,9 +95,10 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
     return CellMaterials(laws, law, values, **fields, softest=softest, smoothing=smoothing, keyed=tuple(keyed))
 
 
-def _held(region: Region, name: str, mesh: LevelMesh, centres: np.ndarray, mine: np.ndarray) -> np.ndarray:
+def _held(region: Region, name: str, mesh: LevelMesh, mine: np.ndarray) -> np.ndarray:
     if callable(region.where):
-        held = mine & called(f"{name}: `where`", region.where, (centres,), (len(centres),)).astype(bool)
+        places = simplex_centres(mesh.on_the_shape, mesh.cells)
+        held = mine & called(f"{name}: `where`", region.where, (places,), (len(places),)).astype(bool)
         mend = "widen its `where`, or give the coarsest level more vertices"
     else:
         held = mine & np.isin(mesh.regions, region.labels)

@@ -53,10 +53,11 @@ def cell_muscles(scene: Scene, mesh: LevelMesh) -> tuple[CellMuscle, ...]:
     if not scene.muscles:
         return ()
     names, centres = [body.name for body in scene.bodies], simplex_centres(mesh.points, mesh.cells)
+    places = simplex_centres(mesh.on_the_shape, mesh.cells)
     found = []
     for muscle in scene.muscles:
         mine = mesh.bodies == names.index(muscle.body)
-        cells = np.flatnonzero(mine & chosen("Muscle.where", muscle.where, centres))
+        cells = np.flatnonzero(mine & chosen("Muscle.where", muscle.where, places))
         if len(cells) == 0:
             raise InputError(
                 f"Muscle.where holds no cell of body {muscle.body!r} on the coarsest level; widen it, or give that"

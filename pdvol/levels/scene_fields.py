@@ -109,10 +109,9 @@ def initial_velocity(scene: Scene, mesh: LevelMesh, start: np.ndarray | None = N
 
 def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray:
     """(n,) bool: a level's points that a support or a load chooses by its `body` and, if it has one, its `where`."""
-    points = mesh.points
-    held = np.ones(len(points), dtype=bool)
+    held = np.ones(len(mesh.points), dtype=bool)
     if hasattr(chooser, "where"):
-        held = _mask(chooser, chooser.where, points)
+        held = _mask(chooser, chooser.where, mesh.on_the_shape)
     if chooser.body:
         held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
     return held

@@ -5,6 +5,7 @@ are those of the mesh. What is checked at t = 0, and what holds from t = 0 on, i
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -107,7 +108,7 @@ def started(scene: Scene, mesh: LevelMesh, level: int) -> LevelMesh:
     those at rest. Itself where no body has a `start`; raises as `start_positions`.
     """
     positions = start_positions(scene, mesh, level)
-    return mesh if positions is mesh.points else LevelMesh(positions, mesh.cells, mesh.bodies, mesh.regions)
+    return mesh if positions is mesh.points else replace(mesh, points=positions)
 
 
 def start_notes(scene: Scene, mesh: LevelMesh, level: int) -> list[str]:

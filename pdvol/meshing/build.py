@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import edges_of
+from pdvol.geometry.flat_faces import FlatFaces
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets, simplex_centres
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import cache as mesh_cache
@@ -28,14 +29,15 @@ from pdvol.meshing.decimate import decimate
 from pdvol.meshing.edge_length import SizedMesh, UnreachableCount
 from pdvol.meshing.point_caches import cached_surface, edges_or_faces
 from pdvol.meshing.readers import read_shape
+from pdvol.meshing.remesh import Unsuited, remesh
 from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
-from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, judge, place_of
+from pdvol.meshing.verdict import Boundary, check_place, judge, place_of
 from pdvol.scene import Body, Deforming, Rigid, Scene
 from pdvol.stages import say, stage
 
-BUILD_VERSION = 6
+BUILD_VERSION = 7
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape
@@ -72,13 +74,13 @@ def build_levels(scene: Scene, count: int | None = None, cache: Path | None = No
     if levels < 1:
         raise InputError(f"count = {count!r}: a hierarchy needs at least one level")
     folder = mesh_cache.default_folder() if cache is None else Path(cache)
-    shapes: dict[str, list[Solid]] = {}
+    shapes: dict[str, list[LevelMesh]] = {}
     with cpu_budget(vertices_asked(scene)):
         built = [_body_levels(body, levels, folder, shapes) for body in scene.bodies]
-    dims = {body.name: solids[0].vertices.shape[1] for body, solids in zip(scene.bodies, built, strict=True)}
+    dims = {body.name: meshes[0].dim for body, meshes in zip(scene.bodies, built, strict=True)}
     if len(set(dims.values())) > 1:
         raise InputError(f"bodies must all be 2D or all 3D, not {dims}; replace the odd ones")
-    return tuple(_concatenate(scene, [solids[level] for solids in built]) for level in range(levels))
+    return tuple(_concatenate(scene, [meshes[level] for meshes in built]) for level in range(levels))
 
 
 def vertices_asked(scene: Scene) -> int:
@@ -128,7 +130,7 @@ def _animated_mesh(obstacle: Deforming, name: str) -> tuple[np.ndarray, np.ndarr
 # ---- one body
 
 
-def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[Solid]]) -> list[Solid]:
+def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[LevelMesh]]) -> list[LevelMesh]:
     name = f"body {body.name!r}"
     if isinstance(body.shape, (tuple, list)):
         return [_own_level(body, level, folder, name) for level in range(levels)]
@@ -144,14 +146,15 @@ def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[S
     return done
 
 
-def _own_level(body: Body, level: int, folder: Path, name: str) -> Solid:
+def _own_level(body: Body, level: int, folder: Path, name: str) -> LevelMesh:
     """A level that has a shape of its own: a volume mesh as it is, another one meshed to its target."""
     what, listed = f"{name}, level {level}", cast("Sequence[AnyShape]", body.shape)
     with stage(f"reading {what}"):
         shape = read_shape(listed[level])
     check_place(body.placement(place_of(shape)), what)
     if isinstance(shape, Solid):
-        return judge(shape, what)[0]
+        solid = judge(shape, what)[0]
+        return _alone(solid.vertices, solid.cells, solid.regions, solid.vertices)
     if not len(body.vertices):
         kind = type(shape).__name__.lower()
         raise MeshError(
@@ -173,31 +176,36 @@ def _meshed(
     key: str,
     name: str,
     first: int = 0,
-) -> list[Solid]:
+) -> list[LevelMesh]:
     """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them; the coarsest is
     the body's level `first`.
     """
-    # The boundaries are prepared once, and only if the cache lacks some level.
+    regions_of: Labels = Regions(check_solid(shape, name)) if isinstance(shape, Solid) else no_regions
     prepared = Lock()
-    boundaries: list[Boundary] = []
-    regions_of: Labels = no_regions
+    coarsened: list[Surface] = []
+
+    def decimated(level: int, count: int) -> Surface:
+        """The surface that a level of `count` vertices is made from. All are decimated once, if any is needed."""
+        with prepared:
+            if not coarsened:
+                with stage(f"decimating {name}"):
+                    coarsened.extend(_decimated(cast("Surface", boundary), targets, name))
+        if count == int(targets[level]) or level + 1 == len(coarsened):
+            return coarsened[level]
+        return _coarsened(coarsened[level + 1], count, name)
 
     def build(level: int) -> dict[str, np.ndarray]:
-        nonlocal regions_of
-        with prepared:
-            if not boundaries:
-                with stage(f"decimating {name}"):
-                    found, regions_of = _prepare(shape, boundary, targets, name)
-                boundaries.extend(found)
-        target, what = int(targets[level]), f"{name}, level {first + level}"
+        what = f"{name}, level {first + level}"
 
         def make(count: int) -> SizedMesh:
-            own = boundaries[level]
-            if not isinstance(own, Surface):
-                return triangulate(own, count, what)
-            if count != target and level + 1 < len(boundaries):
-                own = _coarsened(cast("Surface", boundaries[level + 1]), count, name)
-            return tetrahedralise(own, count, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))
+            if not isinstance(boundary, Surface):
+                return triangulate(boundary, count, what)
+            try:
+                return remesh(boundary, count, what)
+            except (Unsuited, UnreachableCount):
+                flat = FlatFaces(boundary.vertices, boundary.triangles)
+                volume = enclosed_volume(boundary.vertices, boundary.triangles)
+                return tetrahedralise(decimated(level, count), count, what, volume, flat)
 
         with stage(f"meshing {what}"):
             sized = _sized(make, *map(int, targets[level : level + 2]))
@@ -205,11 +213,12 @@ def _meshed(
             "points": sized.points,
             "cells": sized.cells.astype(np.int32),
             "regions": regions_of(sized.points, sized.cells),
+            "places": sized.places,
         }
 
-    def fetch(level: int) -> Solid:
+    def fetch(level: int) -> LevelMesh:
         arrays = mesh_cache.fetch(folder, f"{key}-{level}", partial(build, level))
-        return Solid(arrays["points"], arrays["cells"], arrays["regions"])
+        return _alone(*(arrays[name] for name in ("points", "cells", "regions", "places")))
 
     # The meshers are processes of their own: levels are made side by side. Of several failures the coarsest is raised.
     pool = ThreadPoolExecutor(SIDE_BY_SIDE)
@@ -247,18 +256,12 @@ def _coarsened(finer: Surface, target: int, name: str) -> Surface:
     return decimate(finer, int(SPARE_VERTICES * surface_share(finer, target)), name)
 
 
-def _prepare(
-    shape: Shape, boundary: Boundary, targets: Sequence[int] | np.ndarray, name: str
-) -> tuple[list[Boundary], Labels]:
-    """Each level's boundary (Surface, or list of loops), and a function that labels cells with the input's regions."""
-    regions_of: Labels = Regions(check_solid(shape, name)) if isinstance(shape, Solid) else no_regions
-    if isinstance(boundary, list):
-        return [boundary] * len(targets), regions_of
-    boundaries: list[Boundary] = [boundary]
+def _decimated(surface: Surface, targets: Sequence[int] | np.ndarray, name: str) -> list[Surface]:
+    """Each level's surface; the finest level's is the input's."""
+    surfaces = [surface]
     for target in reversed(targets[:-1]):
-        boundary = _coarsened(boundary, int(target), name)
-        boundaries.insert(0, boundary)
-    return boundaries, regions_of
+        surfaces.insert(0, _coarsened(surfaces[0], int(target), name))
+    return surfaces
 
 
 def _shape_key(shape: Shape, targets: Sequence[int] | np.ndarray) -> str:
@@ -272,14 +275,21 @@ def _shape_key(shape: Shape, targets: Sequence[int] | np.ndarray) -> str:
     return mesh_cache.content_key(type(shape).__name__, *arrays, *(int(t) for t in targets), BUILD_VERSION, *versions)
 
 
-def _concatenate(scene: Scene, solids: list[Solid]) -> LevelMesh:
+def _alone(points: np.ndarray, cells: np.ndarray, regions: np.ndarray, places: np.ndarray) -> LevelMesh:
+    """A level of one body, in its shape's own coordinates."""
+    return LevelMesh(points, cells.astype(np.int64), np.zeros(len(cells), dtype=np.int32), regions, places)
+
+
+def _concatenate(scene: Scene, meshes: list[LevelMesh]) -> LevelMesh:
     """One level: every body's cells, placed."""
-    starts = np.cumsum([0, *(len(s.vertices) for s in solids)])
+    starts = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
+    placed = list(zip(scene.bodies, meshes, strict=True))
     return LevelMesh(
-        points=np.vstack([body.placement(s.vertices) for body, s in zip(scene.bodies, solids, strict=True)]),
-        cells=np.vstack([s.cells.astype(np.int64) + start for s, start in zip(solids, starts, strict=False)]),
-        bodies=np.repeat(np.arange(len(solids), dtype=np.int32), [len(s.cells) for s in solids]),
-        regions=np.concatenate([s.regions for s in solids]).astype(np.int32),
+        points=np.vstack([body.placement(mesh.points) for body, mesh in placed]),
+        cells=np.vstack([mesh.cells + start for mesh, start in zip(meshes, starts, strict=False)]),
+        bodies=np.repeat(np.arange(len(meshes), dtype=np.int32), [len(mesh.cells) for mesh in meshes]),
+        regions=np.concatenate([mesh.regions for mesh in meshes]).astype(np.int32),
+        places=np.vstack([body.placement(mesh.on_the_shape) for body, mesh in placed]),
     )
 
 

@@ -13,11 +13,9 @@ from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, check_budget
 from pdvol.stages import say
 
-AIMED_DEVIATION = {2: 0.15, 3: 0.2}
-"""By dimension: relative deviation of the number of vertices from the target at which the search ends at once. Triangle
-meshes cost little, so that one more is worth a closer count.
-"""
-ACCEPTED_DEVIATION = 0.25
+AIMED_DEVIATION = 0.1
+"""Relative deviation of the number of vertices from the target at which the search ends at once."""
+ACCEPTED_DEVIATION = 0.2
 """Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts."""
 CLOSEST_FACTOR = 2.0
 """Largest ratio of a count and its target at which the closest mesh is taken in the end: targets are wishes, and levels
@@ -25,7 +23,7 @@ of a hierarchy are mostly further apart than that.
 """
 MAX_ATTEMPTS = 6
 """Number of meshes after which the search gives up."""
-ATTEMPTS_BEFORE_ACCEPTING = 2
+ATTEMPTS_BEFORE_ACCEPTING = 3
 """Number of meshes after which the search ends with one within `ACCEPTED_DEVIATION`."""
 FINER = 0.94
 """Factor on the edge length after a mesh that is not valid: about 15 % more vertices, which still suits the target."""
@@ -54,19 +52,23 @@ class UnreachableCount(MeshError):
 
 @dataclass(frozen=True, eq=False)
 class SizedMesh:
-    """A mesh and the edge length it was made with.
+    """A mesh that was made from an input.
 
     Attributes
     ----------
     points : (n, d) float64 [m]
     cells : (m, d + 1) int64
-    scale : float
-        Edge length given to the mesher, relative to the one `edge_length` predicts.
+    places : (n, d) float64 [m]
+        Point of the input that each point stands for: where it was before the mesh got the input's volume.
     """
 
     points: np.ndarray
     cells: np.ndarray
-    scale: float
+    places: np.ndarray
+
+    def placed(self, centre: np.ndarray, size: float) -> "SizedMesh":
+        """The mesh in coordinates [m] of which its own are multiples of `size` [m] about `centre` (d,) [m]."""
+        return SizedMesh(centre + size * self.points, self.cells, centre + size * self.places)
 
 
 def expected_vertices(h: float, content: float, boundary: float, dim: int) -> tuple[float, float]:
@@ -95,7 +97,7 @@ def edge_length(target: int, content: float, boundary: float, dim: int) -> float
 
 
 def mesh_of_target_size(
-    make: Callable[[float, int], tuple[np.ndarray, np.ndarray]], target: int, name: str, start: float, dim: int
+    make: Callable[[float, int], SizedMesh], target: int, name: str, start: float, dim: int
 ) -> SizedMesh:
     """Call `make(scale, failures)` with edge-length factors until the number of points suits the target.
 
@@ -116,7 +118,7 @@ def mesh_of_target_size(
         check_budget(name)
         say(f"try {tried} of at most {MAX_ATTEMPTS}")
         try:
-            points, cells = make(scale, failures)
+            made = make(scale, failures)
         except ProcessStopped as error:
             message = f"{name}: no mesh of about {target} vertices: {error}"
             if isinstance(error, BudgetSpent):
@@ -127,12 +129,12 @@ def mesh_of_target_size(
             history.clear()  # the next mesh is made differently: counts do not compare
             scale *= FINER
             continue
-        off = np.log(len(points) / target)
+        off = np.log(len(made.points) / target)
         history.append((np.log(scale), off))
         if best is None or abs(off) < best[0]:
-            best = (abs(off), SizedMesh(points, cells, scale))
+            best = (abs(off), made)
         fraction = abs(len(best[1].points) / target - 1.0)
-        if fraction <= AIMED_DEVIATION[dim] or (fraction <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
+        if fraction <= AIMED_DEVIATION or (fraction <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
             say(f"{len(best[1].points):,} vertices, {'1 try' if tried == 1 else f'{tried} tries'}")
             return best[1]
         scale = float(np.exp(_next_log_scale(history, dim)))

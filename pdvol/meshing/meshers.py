@@ -36,6 +36,8 @@ unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
     return state = state * 1664525u + 1013904223u;
 }
 """
+_TRIANGLE, _TETRAHEDRON = 2, 4
+"""Gmsh's numbers of these kinds of cells."""
 Mesh = tuple[np.ndarray, np.ndarray]
 
 
@@ -88,6 +90,29 @@ def gmsh_triangles(
         return child.call("Gmsh", _gmsh, points, starts, parents, float(edge_length), cpu_seconds=cpu_seconds)
 
 
+def gmsh_tetrahedra(
+    vertices: np.ndarray, triangles: np.ndarray, edge_length: float, sharp_angle: float, cpu_seconds: float
+) -> Mesh:
+    """Points (n, 3) and tetrahedra (m, 4), of either orientation, inside a closed surface that Gmsh has meshed anew
+    with triangles of one edge length. Its sharp edges stay, and new vertices lie on its triangles.
+
+    Parameters
+    ----------
+    vertices, triangles : (k, 3) [m], (t, 3)
+    edge_length : [m]
+    sharp_angle : [rad] between the normals of two triangles, above which their edge stays
+    cpu_seconds : processor time [s] that the process may use
+
+    Raises
+    ------
+    MeshError, ProcessStopped
+        As `Child.call`: a part of the surface cannot be parametrised, or the new one crosses itself.
+    """
+    with Child() as child:
+        given = np.asarray(vertices, dtype=np.float64), triangles.astype(np.int64), float(edge_length), sharp_angle
+        return child.call("Gmsh", _gmsh_solid, *given, cpu_seconds=cpu_seconds)
+
+
 def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, epsilon: float, folder: str) -> Mesh:
     os.chdir(folder)  # it leaves a file where it works
     # pytetwild adds itself to pyvista where that can be extended. Importing pyvista takes longer than a coarse mesh.
@@ -112,13 +137,7 @@ def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, e
 def _gmsh(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float) -> Mesh:
     import gmsh
 
-    gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("General.NumThreads", 1)
-    gmsh.option.setNumber("Mesh.Algorithm", 6)
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeMin", edge_length)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", edge_length)
+    _start_gmsh(edge_length)
     geo = gmsh.model.geo
     tags = [geo.addPoint(x, y, 0.0, edge_length) for x, y in points]
     curves = []
@@ -131,13 +150,50 @@ def _gmsh(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_leng
     for outer in np.flatnonzero(parents < 0):
         geo.addPlaneSurface([curves[outer], *(curves[hole] for hole in np.flatnonzero(parents == outer))])
     geo.synchronize()
-    gmsh.model.mesh.generate(2)
-    node_tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    _, nodes = gmsh.model.mesh.getElementsByType(2)
+    coordinates, triangles = _generated(2)
+    return coordinates[:, :2], triangles
+
+
+def _gmsh_solid(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, sharp_angle: float) -> Mesh:
+    import gmsh
+
+    _start_gmsh(edge_length)
+    surface = gmsh.model.addDiscreteEntity(2)
+    gmsh.model.mesh.addNodes(2, surface, np.arange(1, len(vertices) + 1), vertices.ravel())
+    gmsh.model.mesh.addElementsByType(surface, _TRIANGLE, [], triangles.ravel() + 1)
+    gmsh.model.mesh.classifySurfaces(sharp_angle, True, True, np.pi)
+    gmsh.model.mesh.createGeometry()
+    geo = gmsh.model.geo
+    geo.addVolume([geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])])
+    geo.synchronize()
+    return _generated(3)
+
+
+def _start_gmsh(edge_length: float) -> None:
+    """An empty model in this process, with one edge length [m] everywhere."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    sizes = {f"MeshSize{name}": edge_length for name in ("Min", "Max")}
+    unused = {f"MeshSize{name}": 0 for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature")}
+    frontal_delaunay, parallel_delaunay = 6, 10
+    for option, value in ({"Algorithm": frontal_delaunay, "Algorithm3D": parallel_delaunay} | sizes | unused).items():
+        gmsh.option.setNumber(f"Mesh.{option}", value)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("General.NumThreads", 1)
+
+
+def _generated(dim: int) -> Mesh:
+    """Points (n, 3) and simplices (m, dim + 1) of the model's mesh."""
+    import gmsh
+
+    gmsh.model.mesh.generate(dim)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    _, nodes = gmsh.model.mesh.getElementsByType({2: _TRIANGLE, 3: _TETRAHEDRON}[dim])
     gmsh.finalize()
-    index = np.full(int(node_tags.max()) + 1, -1, dtype=np.int64)
-    index[node_tags] = np.arange(len(node_tags))
-    return coordinates.reshape(-1, 3)[:, :2], index[nodes.reshape(-1, 3)]
+    index = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+    index[tags] = np.arange(len(tags))
+    return coordinates.reshape(-1, 3), index[nodes.reshape(-1, dim + 1)]
 
 
 @cache

@@ -4,12 +4,14 @@ The surface is decimated (or its longest edges are split) to the number of verti
 on its boundary, then meshed within a narrow envelope, in coordinates about its centre and in units of its size.
 """
 
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.flat_faces import FlatFaces
 from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Surface
 from pdvol.meshing.decimate import decimate, topology
@@ -67,7 +69,7 @@ def mean_ratio(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 def surface_share(surface: Surface, target: int) -> int:
     """Number of vertices that the surface of a mesh of `target` vertices should have."""
-    volume, area = _volume_and_area(surface)
+    volume, area = volume_and_area(surface)
     expected = expected_vertices(edge_length(target, volume, area, 3), volume, area, 3)[0]
     return max(min(int(SURFACE_FACTOR * expected), target), MIN_BOUNDARY_VERTICES)
 
@@ -77,6 +79,7 @@ def tetrahedralise(
     target: int,
     name: str = "surface",
     volume: float | None = None,
+    flat: FlatFaces | None = None,
 ) -> SizedMesh:
     """A tetrahedral mesh of about `target` vertices (see `edge_length`).
 
@@ -90,60 +93,76 @@ def tetrahedralise(
     name : str, for messages
     volume : float, optional
         The mesh's volume [m^3], the surface's own if not given. A kept boundary has the latter.
+    flat : FlatFaces, optional
+        Faces of the input that the mesh keeps where its cells stay valid.
 
     Raises
     ------
     UnreachableCount
         Meshes of the surface have other numbers of vertices.
     MeshError
-        No such mesh was found within `MAX_ATTEMPTS`, .
+        No such mesh was found within `MAX_ATTEMPTS`.
     """
-    own, area = _volume_and_area(surface)
+
+    def make(part: Surface, count: int, what: str) -> SizedMesh:
+        own = volume_and_area(part)[0]
+        size = own ** (1.0 / 3.0)
+        centre = part.vertices.mean(axis=0)
+        unit = Surface((part.vertices - centre) / size, part.triangles)
+        made = _unit_mesh(unit, count, what, grown, None if flat is None else flat.relative(centre, size))
+        return made.placed(centre, size)
+
+    grown = 1.0 if volume is None else volume / volume_and_area(surface)[0]
+    return in_parts(make, surface, target, name)
+
+
+def in_parts(make: Callable[[Surface, int, str], SizedMesh], surface: Surface, target: int, name: str) -> SizedMesh:
+    """The meshes that `make(part, count, name)` gives for each shell of a surface, in one set of arrays. A mesher of
+    all would also fill the space between them, and refine where they are near each other.
+
+    Raises
+    ------
+    UnreachableCount, MeshError
+        As `make`; the surface encloses no volume, or has more shells than the count allows.
+    """
+    own, area = volume_and_area(surface)
     if own <= 0:
         raise MeshError(f"{name}: the surface encloses no volume; turn its triangles outward")
-    volume = own if volume is None else volume
     parts = split_shells(surface)
-    if len(parts) > 1:
-        # fTetWild also meshes the space between parts and refines where they are near each other: meshing them one by
-        # one avoids both.
-        h = edge_length(target, own, area, 3)
-        measures = [_volume_and_area(part) for part in parts]
-        fractions = [max(round(expected_vertices(h, *m, 3)[1]), LEAST_OF_A_PART) for m in measures]
-        if sum(fractions) > CLOSEST_FACTOR * target:
-            raise UnreachableCount(
-                f"{name}: {target} vertices cannot be had, its {len(parts)} parts need {sum(fractions)}",
-                target,
-                sum(fractions),
-            )
-        try:
-            return _merged(
-                [
-                    tetrahedralise(part, fraction, f"{name}, part {k} of {len(parts)}", volume * m[0] / own)
-                    for k, (part, fraction, m) in enumerate(zip(parts, fractions, measures, strict=True), 1)
-                ]
-            )
-        except UnreachableCount as error:
-            closest = round(target * error.closest / error.target)
-            raise UnreachableCount(
-                f"{name}: {target} vertices cannot be had for all parts ({str(error).removeprefix(f'{name}, ')})",
-                target,
-                closest,
-            ) from error
-    size = own ** (1.0 / 3.0)
-    centre = surface.vertices.mean(axis=0)
-    unit = Surface((surface.vertices - centre) / size, surface.triangles)
-    made = _unit_mesh(unit, target, name, volume / own)
-    return SizedMesh(centre + size * made.points, made.cells, made.scale)
+    if len(parts) == 1:
+        return make(surface, target, name)
+    h = edge_length(target, own, area, 3)
+    fractions = [max(round(expected_vertices(h, *volume_and_area(p), 3)[1]), LEAST_OF_A_PART) for p in parts]
+    if sum(fractions) > CLOSEST_FACTOR * target:
+        raise UnreachableCount(
+            f"{name}: {target} vertices cannot be had, its {len(parts)} parts need {sum(fractions)}",
+            target,
+            sum(fractions),
+        )
+    try:
+        return _merged(
+            [
+                make(part, fraction, f"{name}, part {k} of {len(parts)}")
+                for k, (part, fraction) in enumerate(zip(parts, fractions, strict=True), 1)
+            ]
+        )
+    except UnreachableCount as error:
+        closest = round(target * error.closest / error.target)
+        raise UnreachableCount(
+            f"{name}: {target} vertices cannot be had for all parts ({str(error).removeprefix(f'{name}, ')})",
+            target,
+            closest,
+        ) from error
 
 
-def _unit_mesh(surface: Surface, target: int, name: str, volume: float) -> SizedMesh:
+def _unit_mesh(surface: Surface, target: int, name: str, volume: float, flat: FlatFaces | None) -> SizedMesh:
     """As `tetrahedralise`, of one shell of volume 1 about the origin."""
-    h = edge_length(target, *_volume_and_area(surface), 3)
+    h = edge_length(target, *volume_and_area(surface), 3)
     wanted = topology(surface.triangles, len(surface.vertices))
     sparse = surface_share(surface, target) > SPARSE_SURFACE * len(surface.vertices)
     cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * target
 
-    def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
+    def make(scale: float, failures: int) -> SizedMesh:
         fraction = max(int(surface_share(surface, target) / scale**2), MIN_BOUNDARY_VERTICES)
         # Coarse meshes have relatively more vertices at sharp edges, and fewer inside.
         coarse, longer, width = surface, 1.23 + 5.0 / np.sqrt(target), ENVELOPE_WIDTH
@@ -154,22 +173,56 @@ def _unit_mesh(surface: Surface, target: int, name: str, volume: float) -> Sized
         else:
             width *= 0.5  # all of the distance from the input is then the envelope's
         # Parts closer than two envelopes merge: after each failure the envelope is half as wide.
-        epsilon = float(width * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0)))
-        made = ftetwild(coarse.vertices, coarse.triangles, scale * longer * h, epsilon, cpu_seconds)
-        points, cells = _oriented(*made, name)
-        refused = MeshError(name)
-        for moved in with_volume(points, cells, volume):
-            try:
-                return _checked(moved, cells, wanted, name)
-            except InputError as error:
-                refused = MeshError(str(error))
-        raise refused
+        envelope = float(width * scale * h * 0.5**failures)
+        diagonal = float(np.linalg.norm(np.ptp(coarse.vertices, axis=0)))
+        made = ftetwild(coarse.vertices, coarse.triangles, scale * longer * h, envelope / diagonal, cpu_seconds)
+        points, cells = oriented(*made, name)
+        boundary = np.unique(boundary_facets(cells)[0])
+        snapped = points.copy()
+        if flat is not None:
+            snapped[boundary] = flat.onto(points[boundary], flat.near(points[boundary], envelope))
+        try:
+            mesh = with_volume_checked(snapped, cells, volume, flat, wanted, MIN_QUALITY, name)
+        except MeshError:
+            if flat is None:
+                raise
+            mesh = with_volume_checked(points, cells, volume, None, wanted, MIN_QUALITY, name)
+        if flat is not None:
+            mesh.places[boundary] = flat.nearest(snapped[boundary])
+        return mesh
 
     start = 0.87 + 3.6 / np.sqrt(target)
     return mesh_of_target_size(make, target, name, start, 3)
 
 
-def _volume_and_area(surface: Surface) -> tuple[float, float]:
+def with_volume_checked(
+    points: np.ndarray,
+    cells: np.ndarray,
+    volume: float,
+    flat: FlatFaces | None,
+    wanted: tuple[int, int],
+    least: float,
+    name: str,
+) -> SizedMesh:
+    """The mesh with a volume [m^3] by the gentlest change (`with_volume`) that leaves it valid.
+
+    Raises
+    ------
+    MeshError
+        None does: the worst cell has a quality below `least`, the boundary crosses itself, or its shells and Euler
+        number are not those `wanted`.
+    """
+    refused = MeshError(name)
+    for moved in with_volume(points, cells, volume, flat):
+        try:
+            _check(moved, cells, wanted, least, name)
+            return SizedMesh(moved, cells, points)
+        except InputError as error:
+            refused = MeshError(str(error))
+    raise refused
+
+
+def volume_and_area(surface: Surface) -> tuple[float, float]:
     points, triangles = surface.vertices, surface.triangles
     return enclosed_volume(points, triangles), float(facet_sizes(points, triangles).sum())
 
@@ -190,10 +243,10 @@ def _merged(meshes: list[SizedMesh]) -> SizedMesh:
     """
     starts = np.cumsum([0, *(len(m.points) for m in meshes)])
     cells = np.vstack([m.cells + start for m, start in zip(meshes, starts, strict=False)])
-    return SizedMesh(np.vstack([m.points for m in meshes]), cells, meshes[0].scale)
+    return SizedMesh(np.vstack([m.points for m in meshes]), cells, np.vstack([m.places for m in meshes]))
 
 
-def _oriented(points: np.ndarray, cells: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+def oriented(points: np.ndarray, cells: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     """A mesher's result with positive cells and without unused points."""
     if len(cells) == 0:
         raise MeshError(f"{name}: the mesher returned no cells")
@@ -203,12 +256,10 @@ def _oriented(points: np.ndarray, cells: np.ndarray, name: str) -> tuple[np.ndar
     return points, cells
 
 
-def _checked(
-    points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], name: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh; MeshError where it is not a valid solid with the wanted topology."""
+def _check(points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], least: float, name: str) -> None:
+    """Raise MeshError unless the mesh is a valid solid with the wanted topology."""
     worst = float(mean_ratio(points, cells).min())
-    if worst < MIN_QUALITY:
+    if worst < least:
         raise MeshError(f"{name}: the worst cell has quality {worst:.2g}")
     facets, _ = boundary_facets(cells)
     boundary, triangles = drop_unused(points, facets)
@@ -222,4 +273,3 @@ def _checked(
             f"{name}: the mesh has {count} shells and Euler number {euler} where the surface has {wanted[0]} and"
             f" {wanted[1]}"
         )
-    return points, cells

@@ -5,6 +5,7 @@ import numpy as np
 
 from pdvol.errors import IntersectionError, MeshError
 from pdvol.geometry.crossings import find_crossings
+from pdvol.geometry.flat_faces import FlatFaces
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshing.edge_length import (
     BASE_CPU_SECONDS,
@@ -45,18 +46,19 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
         raise MeshError(f"{name}: the loops enclose no area; outer ones must run anticlockwise")
     h = edge_length(target, content, boundary, 2)
     parents = _parents(loops, name)
+    flat = FlatFaces(*polygons(loops))
     cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * target
 
-    def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
+    def make(scale: float, failures: int) -> SizedMesh:
         sampled = _resampled(loops, scale * h * 0.8**failures, name)
         starts = np.cumsum([0, *(len(loop) for loop in sampled)])
         made = gmsh_triangles(np.concatenate(sampled), starts, parents, scale * h, cpu_seconds)
         points, cells = drop_unused(*made)
         negative = simplex_volumes(points, cells) < 0
         cells[negative] = cells[negative][:, [1, 0, 2]]
-        for moved in with_volume(points, cells, content):
+        for moved in with_volume(points, cells, content, flat):
             if _is_valid(moved, cells):
-                return moved, cells
+                return SizedMesh(moved, cells, points)
         raise MeshError(f"{name}: a mesh of {len(points)} vertices crosses itself; ask for more vertices")
 
     return mesh_of_target_size(make, target, name, 1.0, 2)
@@ -144,9 +146,14 @@ def _resampled(loops: list[np.ndarray], h: float, name: str) -> list[np.ndarray]
 
 
 def _loop_crossings(loops: list[np.ndarray]) -> np.ndarray:
+    return find_crossings(*polygons(loops), np.empty((0, 3), dtype=np.int64))
+
+
+def polygons(loops: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 2) [m] and edges (n, 2) of closed polygons (k, 2)."""
     starts = np.cumsum([0, *(len(loop) for loop in loops)])
     edges = np.vstack([start + outline_edges(len(loop), True) for start, loop in zip(starts, loops, strict=False)])
-    return find_crossings(np.concatenate(loops), edges, np.empty((0, 3), dtype=np.int64))
+    return np.concatenate(loops), edges
 
 
 def _parents(loops: list[np.ndarray], name: str) -> np.ndarray:

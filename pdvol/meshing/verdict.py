@@ -12,8 +12,8 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.tetrahedralise import mean_ratio
-from pdvol.meshing.triangulate import boundary_loops
-from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges, some
+from pdvol.meshing.triangulate import boundary_loops, polygons
+from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, some
 from pdvol.meshing.weld import COINCIDENT, coincident
 
 POOR_QUALITY = 0.05  # mean ratio below which a cell makes the linear solver need more iterations
@@ -84,9 +84,7 @@ def boundary_facets_of(boundary: Boundary) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, d) [m] of a boundary, and its triangles (k, 3) or edges (k, 2)."""
     if isinstance(boundary, Surface):
         return boundary.vertices, boundary.triangles.astype(np.int64)
-    starts = np.cumsum([0, *(len(loop) for loop in boundary)])
-    edges = [start + outline_edges(len(loop), True) for start, loop in zip(starts, boundary, strict=False)]
-    return np.concatenate(boundary), np.vstack(edges)
+    return polygons(boundary)
 
 
 def check_place(points: np.ndarray, name: str) -> None:

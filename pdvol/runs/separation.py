@@ -69,9 +69,7 @@ class _Arrangement:
             b = mesh.point_bodies
             points = self._centres[b] + self._sizes[b, None] * (mesh.points - self._centres[b]) + self._shifts[b]
             untouched = (self._sizes == 1.0)[b] & (self._moved == 0.0)[b]
-            placed.append(
-                LevelMesh(np.where(untouched[:, None], mesh.points, points), mesh.cells, mesh.bodies, mesh.regions)
-            )
+            placed.append(replace(mesh, points=np.where(untouched[:, None], mesh.points, points)))
         return tuple(placed)
 
     def first_intersection(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:

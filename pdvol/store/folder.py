@@ -7,7 +7,7 @@
 | log.jsonl | one object for each level and step |
 | obstacles.json, obstacles/<i>.npz | obstacles, for pictures |
 | render.json, render/<i>.npz, levels/<l>/render_<i>.npz | surfaces drawn in the place of bodies |
-| levels/<l>/mesh.npz | points, cells, bodies, regions |
+| levels/<l>/mesh.npz | points, cells, bodies, regions, places |
 | levels/<l>/velocity.npy | initial velocity (n, d) [m/s] |
 | levels/<l>/states.bin | positions (n, d) [m] of each step, in the input's order |
 | levels/<l>/late_<step>.npz | places of obstacles that contact held back |

@@ -75,7 +75,10 @@ class RunLevel:
             raise InputError(
                 f"{path} does not hold a mesh of triangles (2D) or tetrahedra (3D): level {self.index} cannot be used"
             )
-        return LevelMesh(points, cells, bodies, regions)
+        places = arrays.get("places")
+        if places is not None and (places.shape != points.shape or not np.isfinite(places).all()):
+            raise InputError(f"{path} does not hold a place of each vertex: level {self.index} cannot be used")
+        return LevelMesh(points, cells, bodies, regions, places)
 
     @property
     def rest(self) -> np.ndarray:

@@ -145,7 +145,9 @@ class RunWriter:
         folder.mkdir(parents=True, exist_ok=True)
         states = States(folder, points.shape)
         states.create()
-        write_arrays(folder / "mesh.npz", points=points, cells=mesh.cells, bodies=mesh.bodies, regions=mesh.regions)
+        places = {} if mesh.places is None else {"places": mesh.places}
+        labels = {"bodies": mesh.bodies, "regions": mesh.regions}
+        write_arrays(folder / "mesh.npz", points=points, cells=mesh.cells, **labels, **places)
         write_array(folder / "velocity.npy", v)
         sync_file(folder.parent)
         self._states.append(states)

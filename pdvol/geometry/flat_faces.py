@@ -1,0 +1,115 @@
+"""The flat faces of a boundary, which its meshes keep exactly: those of a box or of a machined part, not the facets of
+a curved surface.
+"""
+
+from copy import copy
+
+import igl
+import numpy as np
+
+from pdvol.geometry.boundary_search import nearest_points
+from pdvol.geometry.distances import distances_to
+from pdvol.geometry.level_mesh import connected_parts, facet_sizes
+
+COPLANAR = 1e-4
+"""Angle [rad] between neighbouring facets of one plane: round-off of coordinates in single precision."""
+SHARP_ANGLE = float(np.deg2rad(40.0))
+"""Angle [rad] between facets above which their edge is a feature of the shape: curved surfaces of ten facets around are
+smooth.
+"""
+LARGER = 4.0
+"""Size of a flat face, relative to the flat pieces that it joins smoothly, at least: a facet of a curved surface is
+about as large as its neighbours.
+"""
+NEGLIGIBLE = 1e-9
+"""Part of a direction, relative to its length, that is round-off."""
+
+
+class FlatFaces:
+    """Flat faces of a boundary.
+
+    Attributes
+    ----------
+    points : (n, d) [m]
+    boundary : (m, d) int64, all facets
+    facets : list of (k, d) int64, one array a face
+    normals : (f, d), offsets : (f,) [m]
+        A face lies where `normals @ x = offsets`.
+    """
+
+    def __init__(self, points: np.ndarray, facets: np.ndarray):
+        """Of a boundary: triangles (m, 3) in 3D, edges (m, 2) in 2D, between points (n, d)."""
+        self.points, self.boundary = np.asarray(points, dtype=np.float64), facets
+        normals, sizes = unit_normals(self.points, facets), facet_sizes(self.points, facets)
+        beside = neighbours(facets)
+        angles = np.arccos(np.clip((normals[beside[:, 0]] * normals[beside[:, 1]]).sum(axis=1), -1.0, 1.0))
+        piece = connected_parts(beside[angles < COPLANAR], len(facets))
+        areas = np.bincount(piece, sizes)
+        ends = piece[beside[(angles >= COPLANAR) & (angles < SHARP_ANGLE)]]
+        largest = np.zeros(len(areas))
+        for one, other in (ends.T, ends.T[::-1]):
+            np.maximum.at(largest, one, areas[other])
+        flat = np.flatnonzero(areas >= LARGER * largest)
+        self.facets = [facets[piece == face] for face in flat]
+        self.normals = np.array([sizes[piece == face] @ normals[piece == face] for face in flat]).reshape(
+            -1, self.points.shape[1]
+        )
+        self.normals /= np.linalg.norm(self.normals, axis=1, keepdims=True)
+        self.offsets = np.array(
+            [np.mean(self.points[np.unique(own)] @ n) for own, n in zip(self.facets, self.normals, strict=True)]
+        )
+
+    def relative(self, centre: np.ndarray, size: float) -> "FlatFaces":
+        """The same faces in coordinates about `centre` (d,) [m] and in units of `size` [m]."""
+        other = copy(self)
+        other.points = (self.points - centre) / size
+        other.offsets = (self.offsets - self.normals @ centre) / size
+        return other
+
+    def near(self, points: np.ndarray, distance: float) -> np.ndarray:
+        """(n, f) bool: which of points (n, d) lie within `distance` [m] of each face."""
+        close = abs(points @ self.normals.T - self.offsets) <= distance
+        for face, facets in enumerate(self.facets):
+            mine = np.flatnonzero(close[:, face])
+            close[mine, face] = distances_to(points[mine], self.points, facets) <= distance
+        return close
+
+    def along(self, directions: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """(n, d): what is left of directions (n, d) in the planes of the faces (n, f) that each point lies on."""
+        left = np.array(directions, dtype=np.float64)
+        for point in np.flatnonzero(near.any(axis=1)):
+            planes = self.normals[near[point]]
+            part = left[point] - np.linalg.pinv(planes, rcond=1e-3) @ (planes @ left[point])
+            left[point] = np.where(np.linalg.norm(part) > NEGLIGIBLE * np.linalg.norm(left[point]), part, 0.0)
+        return left
+
+    def nearest(self, points: np.ndarray) -> np.ndarray:
+        """(n, d) [m]: the points of the whole boundary that are nearest to points (n, d)."""
+        return nearest_points(self.points, self.boundary, points)[1]
+
+    def onto(self, points: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """(n, d) [m]: points (n, d) moved the shortest way onto all faces (n, f) that each is near."""
+        moved = points.copy()
+        for point in np.flatnonzero(near.any(axis=1)):
+            planes, offsets = self.normals[near[point]], self.offsets[near[point]]
+            moved[point] -= np.linalg.pinv(planes, rcond=1e-3) @ (planes @ points[point] - offsets)
+        return moved
+
+
+def unit_normals(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(m, d) unit normals of facets; zero where one has no size."""
+    if points.shape[1] == 3:
+        return np.asarray(igl.per_face_normals(points, facets.astype(np.int64), np.zeros(3)))
+    along = points[facets[:, 1]] - points[facets[:, 0]]
+    length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
+    return np.column_stack([along[:, 1], -along[:, 0]]) / length
+
+
+def neighbours(facets: np.ndarray) -> np.ndarray:
+    """(k, 2) facets (m, d) that share an edge (3D) or a point (2D)."""
+    count, d = facets.shape
+    ridges = np.concatenate([np.sort(np.delete(facets, corner, axis=1), axis=1) for corner in range(d)])
+    owners = np.tile(np.arange(count), d)
+    order = np.lexsort(ridges.T)
+    same = (ridges[order[1:]] == ridges[order[:-1]]).all(axis=1)
+    return np.column_stack([owners[order[:-1]][same], owners[order[1:]][same]])

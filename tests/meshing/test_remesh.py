@@ -1,0 +1,108 @@
+"""Levels keep flat faces, sharp edges and corners, and choices by place hold the same part of the shape on each."""
+
+import numpy as np
+import pytest
+
+from pdvol import Body, NeoHookean, Scene, Support, meshes
+from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.flat_faces import FlatFaces
+from pdvol.geometry.level_mesh import facet_sizes, simplex_volumes
+from pdvol.levels.scene_fields import chosen_points
+from pdvol.meshes import Outline
+from pdvol.meshing.build import build_levels
+from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
+from pdvol.meshing.remesh import LEAST_QUALITY, Unsuited, remesh
+from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
+from pdvol.meshing.verdict import place_of, solid_boundary
+
+BAR = meshes.brick((1.0, 0.2, 0.2), (5, 1, 1))
+COMB = meshes.comb()
+ARC = np.linspace(-np.pi / 2, np.pi / 2, 33)
+STADIUM = np.vstack([np.column_stack([s * (np.cos(ARC) + 2.0), s * np.sin(ARC)]) for s in (1.0, -1.0)])
+
+
+def cut_ball():
+    """A ball whose cap below y = -0.5 is cut off."""
+    polar = np.linspace(np.arccos(-0.5), 0.0, 16)
+    return meshes.turned(np.column_stack([np.append(0.0, np.sin(polar)), np.append(-0.5, np.cos(polar))]), 32)
+
+
+def area_inside(points):
+    x, y = points.T
+    return 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+SHAPES = {
+    # name: (shape, axis across a face at its lowest coordinate, size of the face)
+    "bar": (BAR, 0, 0.04),
+    "cube": (meshes.box(), 2, 1.0),
+    "comb": (meshes.extrude(COMB, 0.1), 2, area_inside(COMB.points)),
+    "cylinder": (meshes.cylinder(), 1, 24 / 2 * 0.25 * np.sin(2 * np.pi / 24)),
+    "cut ball": (cut_ball(), 1, None),
+    "flat comb": (COMB, 0, np.ptp(COMB.points[np.isclose(COMB.points[:, 0], COMB.points[:, 0].min()), 1])),
+    "stadium": (Outline(STADIUM), 1, None),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_support_by_place_holds_the_same_face_on_every_level(name, tmp_path):
+    """`np.isclose` holds all vertices of the face, and they lie in its plane."""
+    shape, axis, size = SHAPES[name]
+    points = place_of(shape)
+    scene = Scene(
+        (Body(shape, NeoHookean(1e5), (150, 400, 900)),),
+        supports=[Support(lambda X: np.isclose(X[:, axis], points[:, axis].min()))],
+        dt=0.01,
+        steps=1,
+    )
+    held = []
+    for mesh in build_levels(scene, cache=tmp_path):
+        chosen = chosen_points(scene, scene.supports[0], mesh)
+        facets = mesh.boundary[chosen[mesh.boundary].all(axis=1)]
+        assert np.ptp(mesh.points[facets][..., axis]) < 1e-9
+        held.append(facet_sizes(mesh.points, facets).sum())
+    assert held == pytest.approx([np.mean(held) if size is None else size] * 3, rel=1e-9 if size else 0.1)
+
+
+@pytest.mark.parametrize("target", [100, 300, 1000])
+@pytest.mark.parametrize(
+    "shape", [solid_boundary(BAR, "bar"), meshes.box(), meshes.box((0.9, 0.9, 0.02)), meshes.ball()]
+)
+def test_counts_and_cells_of_remeshed_solids(shape, target):
+    made = remesh(shape, target)
+    assert abs(len(made.points) / target - 1.0) <= ACCEPTED_DEVIATION
+    assert mean_ratio(made.points, made.cells).min() >= LEAST_QUALITY
+    volume = simplex_volumes(made.points, made.cells).sum()
+    assert volume == pytest.approx(enclosed_volume(shape.vertices, shape.triangles), rel=1e-9)
+
+
+def test_one_input_gives_one_mesh():
+    first, second = (remesh(meshes.cylinder(), 200) for _ in range(2))
+    assert np.array_equal(first.points, second.points) and np.array_equal(first.cells, second.cells)
+
+
+def test_detail_finer_than_an_edge_is_left_to_decimation():
+    with pytest.raises(Unsuited, match="round by"):
+        remesh(meshes.bunny(), 200)
+
+
+@pytest.mark.parametrize(
+    ("shape", "count"),
+    [
+        (meshes.box((1.0, 1.0, 1.0), (3, 3, 3)), 6),
+        (meshes.cylinder(), 2),
+        (meshes.ball(), 0),
+        (meshes.donut(), 0),
+        (cut_ball(), 1),
+        (meshes.extrude(meshes.disc(), 0.2), 2),
+    ],
+)
+def test_flat_faces_are_not_facets_of_curved_surfaces(shape, count):
+    assert len(FlatFaces(shape.vertices, shape.triangles.astype(np.int64)).facets) == count
+
+
+def test_decimated_shapes_keep_flat_faces_too():
+    """Quadrics and fTetWild leave vertices near the plane of a cut ball: they are moved onto it."""
+    ball = cut_ball()
+    made = tetrahedralise(ball, 300, flat=FlatFaces(ball.vertices, ball.triangles))
+    assert np.isclose(made.points[:, 1], -0.5, atol=1e-12).sum() > 15
