@@ -15,7 +15,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Outline, Surface
-from pdvol.meshing.surface_files import named_obj
+from pdvol.meshing.readers import read_numbered
 from pdvol.meshing.validate import outline_edges
 from pdvol.registry import STUDIO
 from pdvol.scene import Placement, PointCache
@@ -109,7 +109,7 @@ def cached_surface(cache: PointCache, frame: int = 0) -> Surface | Outline:
     if points.shape[1] == 2:
         return Outline(points)
     if len(frames.faces) == 0:
-        raise InputError(f"{cache.label} has points without faces; give PointCache(faces=...), as the path of an OBJ")
+        raise InputError(f"{cache.label} has points without faces; give PointCache(faces=...), as the path of its mesh")
     return Surface(points, frames.faces.astype(np.int32))
 
 
@@ -125,7 +125,7 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
     """The faces that the scene gives."""
     faces: Any = cache.faces
     if isinstance(faces, (str, Path)):
-        path, vertices, faces = named_obj(faces, "PointCache.faces")
+        path, (vertices, faces) = faces, read_numbered(faces, "PointCache.faces")
         if len(vertices) != points.shape[1]:
             raise InputError(
                 f"{path} has {len(vertices):,} vertices and {cache.label} {points.shape[1]:,} points; export both from"

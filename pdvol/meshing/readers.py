@@ -14,7 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pdvol.errors import InputError, MeshError
+from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessFailed, check_budget
@@ -77,12 +80,14 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
     return read_with_notes(shape)[0]
 
 
-def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outline | Surface | Solid, list[str]]:
+def read_with_notes(
+    shape: str | Path | Outline | Surface | Solid, weld: bool = True
+) -> tuple[Outline | Surface | Solid, list[str]]:
     """The shape as arrays, and a line for each thing that reading has done to it; arrays are passed through.
 
     A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a
-    `Surface`. Vertices of an open surface that are exactly the same are welded. Quadratic cells are read by their
-    corners.
+    `Surface`. Vertices of an open surface that are exactly the same are welded, unless `weld` is False. Quadratic cells
+    are read by their corners.
 
     Raises
     ------
@@ -122,10 +127,37 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
     else:
         read, notes = _read(path)
     check_budget(str(path))
-    if isinstance(read, Surface):
+    if weld and isinstance(read, Surface):
         read, welded = weld_open(read)
         notes = notes + welded
     return read, notes
+
+
+def read_numbered(file: str | Path, whose: str) -> tuple[np.ndarray, np.ndarray]:
+    """All vertices (n, d) of a file that a scene names, in the file's order, and the facets (f, d) int64 between them:
+    triangles, or edges of a flat volume mesh. Of volume meshes these are the boundary.
+
+    Parameters
+    ----------
+    whose : the field that names it, as "PointCache.faces"; begins messages
+
+    Raises
+    ------
+    InputError
+        It is missing or unreadable, has no facets, or does not number its vertices, as STL.
+    """
+    if Path(file).suffix.lower() == ".stl":
+        raise InputError(f"{whose}: {file}: STL files do not number their vertices; export OBJ or PLY")
+    try:
+        shape = read_with_notes(file, weld=False)[0]
+    except InputError as error:
+        raise InputError(f"{whose}: {error}") from error
+    if isinstance(shape, Solid):
+        return shape.vertices, boundary_facets(shape.cells.astype(np.int64))[0]
+    vertices, triangles = shape.vertices, shape.triangles.astype(np.int64)
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise InputError(f"{whose}: {file}: its faces do not fit its {len(vertices):,} vertices; export it again")
+    return vertices, triangles
 
 
 def _read(path: Path) -> tuple[Surface | Solid, list[str]]:

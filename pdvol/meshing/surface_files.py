@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from pdvol.errors import InputError, MeshError
+from pdvol.errors import MeshError
 from pdvol.meshes import Surface
 from pdvol.meshing.file_kinds import promised_faces
 from pdvol.meshing.polygons import cut_faces, cut_polygons
@@ -115,31 +115,10 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return places, cut_faces(places, found.faces)
 
 
-def named_obj(file: str | Path, whose: str) -> tuple[Path, np.ndarray, np.ndarray]:
-    """The path of an OBJ file that a scene names, its points and its triangles.
-
-    Parameters
-    ----------
-    whose : the field that names it, as "PointCache.faces"
-
-    Raises
-    ------
-    InputError
-        It is missing or unreadable.
-    """
-    path = Path(file).expanduser()
-    try:
-        return path, *read_obj(path)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: there is no such file; check {whose}") from error
-    except (OSError, ValueError, IndexError) as error:
-        raise InputError(f"{path}: unreadable ({' '.join(str(error).split())}); export the OBJ again") from error
-
-
 def _ply_or_stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
-    mesh = trimesh.load_mesh(path, process=False)
+    mesh = trimesh.load_mesh(path, process=False, fix_texture=False)  # else vertices are split at a texture's seams
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if path.suffix.lower() == ".stl":  # every triangle brings its own corners
         points, index = np.unique(points, axis=0, return_inverse=True)
