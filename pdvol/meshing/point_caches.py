@@ -19,7 +19,6 @@ from pdvol.meshing.readers import read_numbered
 from pdvol.meshing.validate import outline_edges
 from pdvol.registry import STUDIO
 from pdvol.scene import Placement, PointCache
-from pdvol.scene.point_caches import USD_FILES
 
 PC2_HEADER = struct.Struct("<12siiffi")
 CACHES_KEPT = 8  # read caches that are kept: each level and each support asks for them
@@ -139,12 +138,8 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
 
 
 def _mesh(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], points and triangles of a mesh in a USD or Alembic file."""
-    if path.suffix.lower() in USD_FILES:
-        mesh, where = STUDIO["read_usd"](path, cache.prim, cache.fps)
-    else:
-        mesh, where = STUDIO["read_alembic"](path, cache.prim)
-    return mesh.times, mesh.points, mesh.triangles(where)
+    """Times [s], points and triangles of meshes in a USD or Alembic file."""
+    return STUDIO["read_animation"](path, cache.prim, cache.fps)
 
 
 def _pc2(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -25,7 +25,11 @@ from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter
 from pdvol.meshing.surface_files import SURFACES, read_surface
 from pdvol.meshing.volume_files import PAIR, VOLUMES, read_pair, read_volume
 from pdvol.meshing.weld import weld_open
+from pdvol.registry import STUDIO
+from pdvol.scene.point_caches import ALEMBIC_FILES, USD_FILES
 
+SCENES = USD_FILES + ALEMBIC_FILES
+"""Files of scenes, whose meshes are read as one surface."""
 LOADS = {".ply": "trimesh", ".stl": "trimesh", **dict.fromkeys(VOLUMES, "meshio")}
 """The library that reads a kind of file: its loading does not count as reading."""
 MARK_IN_THE_WAY = (".ply", ".off", ".stl", ".msh", ".vtk", ".vtu", ".mesh")  # of a byte-order mark: others skip it
@@ -102,8 +106,8 @@ def read_with_notes(
         raise InputError(f"a shape must be a path, an Outline, a Surface or a Solid, not {type(shape).__name__}")
     path = Path(shape).expanduser()
     suffix = path.suffix.lower()
-    if suffix not in SURFACES + VOLUMES + PAIR:
-        known = ", ".join(SURFACES + VOLUMES + PAIR)
+    if suffix not in SURFACES + VOLUMES + PAIR + SCENES:
+        known = ", ".join(SURFACES + VOLUMES + PAIR + SCENES)
         raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {known}{converter(path)}")
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
@@ -161,7 +165,9 @@ def read_numbered(file: str | Path, whose: str) -> tuple[np.ndarray, np.ndarray]
 
 
 def _read(path: Path) -> tuple[Surface | Solid, list[str]]:
-    check_kind(path)
     suffix = path.suffix.lower()
+    if suffix in SCENES:
+        return STUDIO["read_still"](path)
+    check_kind(path)
     reader = read_surface if suffix in SURFACES else read_pair if suffix in PAIR else read_volume
     return read_in_child_process(path, reader, loads=LOADS.get(suffix, ""))
