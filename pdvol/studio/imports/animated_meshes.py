@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.meshing.losses import named
 from pdvol.meshing.polygons import cut_faces
 
 MOST_CACHE_BYTES = 4_000_000_000  # of a file's points at all frames: they are kept in memory
-MOST_NAMED = 8  # things of a file that a message names
 
 
 class SceneFile(Protocol):
@@ -97,16 +97,6 @@ def require_meshes(file: SceneFile) -> None:
     """InputError where a file has no meshes."""
     if not file.names:
         raise InputError("; ".join([f"{file.path}: it has no meshes", *file.lost, "export meshes"]))
-
-
-def named(names: Sequence[str]) -> str:
-    """The first of some names, for a message."""
-    return ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
-
-
-def counted(what: str, names: Sequence[str]) -> list[str]:
-    """A line with the number of some things and their names; none where there is nothing."""
-    return [f"{what}: {len(names):,} ({named(names)})"] if names else []
 
 
 def joined_meshes(file: SceneFile, names: Sequence[str], rate: float = 1.0, first: bool = False) -> AnimatedMesh:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Surface
+from pdvol.meshing.losses import counted
 from pdvol.meshing.readers import read_in_child_process
 from pdvol.scene.point_caches import ALEMBIC_FILES
 from pdvol.studio.imports.alembic_caches import AlembicFile
@@ -16,7 +17,6 @@ from pdvol.studio.imports.animated_meshes import (
     AnimatedMesh,
     SceneFile,
     chosen_meshes,
-    counted,
     joined_meshes,
     require_meshes,
 )

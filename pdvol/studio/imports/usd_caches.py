@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.studio.imports.animated_meshes import counted, turned_round
+from pdvol.meshing.losses import counted
+from pdvol.studio.imports.animated_meshes import turned_round
 
 DRAWN_PURPOSES = ("default", "render")
 NOT_READ = ("Cube", "Sphere", "Cylinder", "Cone", "Capsule", "Plane", "NurbsPatch", "BasisCurves", "Points", "TetMesh")
