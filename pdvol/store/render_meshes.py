@@ -89,7 +89,8 @@ def write_render_meshes(folder: Path, entries: Sequence[Mapping[str, Any]]) -> N
             write_bytes(folder / "render" / texture, data)
         for level, w in enumerate(entry["weights"]):
             write_arrays(_weights_file(folder / "levels" / str(level), i), **{key: getattr(w, key) for key in _WEIGHTS})
-        listed.append({key: entry[key] for key in ("body", "name", "interpolant", "notes")} | {"texture": texture})
+        kept = {key: entry[key] for key in ("body", "name", "interpolant")}
+        listed.append({**kept, "texture": texture, "notes": entry.get("notes", ())})
     write_list(folder, "render", listed, [{key: entry["arrays"][key] for key in _ARRAYS} for entry in entries])
 
 

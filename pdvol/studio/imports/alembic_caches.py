@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.studio.imports.animated_meshes import turned_round
 
 TIME_DIGITS = 9  # of times in seconds: samples of two objects at the same time may differ by rounding
 
@@ -25,7 +24,7 @@ class AlembicFile:
     def __init__(self, path: Path):
         from alembic3d.Abc import IArchive
 
-        self.path, self.lost = path, list[str]()
+        self._path, self.lost = path, list[str]()
         self._archive = IArchive(str(path))  # its objects do not keep it
         things = ((thing, kind) for thing in _things(self._archive.getTop()) if (kind := _mesh(thing)))
         self._meshes = {thing.getFullName(): (thing, kind) for thing, kind in things}
@@ -42,7 +41,7 @@ class AlembicFile:
         times = _times(positions, 1 if positions.isConstant() else positions.getNumSamples())
         samples = [np.array(memoryview(positions.getValue(i))).reshape(-1, 3) for i in range(len(times))]
         if not samples:
-            raise InputError(f"{self.path}: the mesh {name} has no points")
+            raise InputError(f"{self._path}: the mesh {name} has no points")
         return [(times, samples), *_places(self._meshes[name][0])]
 
     def drawn(self, name: str) -> bool:
@@ -68,15 +67,14 @@ class AlembicFile:
             matrix = matrix @ _between(*place, time)
         return matrix
 
-    def faces(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Turned round unless the mesh is mirrored."""
+    def faces(self, name: str) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Of a mirrored mesh the corners go the other way round."""
         schema = self._schema(name)
         counts, corners = (
             np.array(memoryview(found.getValue(0)), dtype=np.int64)
             for found in (schema.getFaceCountsProperty(), schema.getFaceIndicesProperty())
         )
-        mirrored = np.linalg.det(self._matrix(name, None)[:3, :3]) < 0.0
-        return counts, corners if mirrored else turned_round(counts, corners)
+        return counts, corners, bool(np.linalg.det(self._matrix(name, None)[:3, :3]) >= 0.0)
 
     def groups(self, name: str) -> Iterable[str]:
         """Sets of faces."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshing.losses import counted
-from pdvol.studio.imports.animated_meshes import turned_round
 
 DRAWN_PURPOSES = ("default", "render")
 NOT_READ = ("Cube", "Sphere", "Cylinder", "Cone", "Capsule", "Plane", "NurbsPatch", "BasisCurves", "Points", "TetMesh")
@@ -32,10 +31,11 @@ class UsdFile:
         from pxr import Usd, UsdGeom, Work
 
         Work.SetConcurrencyLimit(1)  # threads take address space, which is limited
-        self.path, self._stage = path, Usd.Stage.Open(str(path))
+        self._path, self._stage, self._geometry = path, Usd.Stage.Open(str(path)), UsdGeom
         self._earliest = Usd.TimeCode.EarliestTime()
-        self._unit, self.rate = UsdGeom.GetStageMetersPerUnit(self._stage), self._stage.GetTimeCodesPerSecond()
-        self._others: list[str] = []
+        self._metres, self.rate = UsdGeom.GetStageMetersPerUnit(self._stage), self._stage.GetTimeCodesPerSecond()
+        self._baked = set[Any]()
+        self._others = list[str]()
         everything = self._below(self._stage.GetPseudoRoot().GetPath())
         self._found = {name: (path, within) for name, path, within in everything}
         self.names = list(self._found)
@@ -44,20 +44,20 @@ class UsdFile:
             *counted("references that cannot be read", errors),
             *counted("shapes left out, which are no meshes", self._others),
         ]
-        self._transforms, self._instances = cache(UsdGeom.XformCache), cache(self._instances_at)
+        self._transforms, self._instances = cache(self._geometry.XformCache), cache(self._instances_at)
 
     def _below(self, root: Any, start: str = "", within: Within = ()) -> Iterator[tuple[str, Any, Within]]:
         """Names and paths of meshes at and below a path, and the point instancers around them."""
-        from pxr import Usd, UsdGeom
+        from pxr import Usd
 
         every = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         walk = iter(Usd.PrimRange(self._stage.GetPrimAtPath(root), every))
         for prim in walk:
             name = start + str(prim.GetPath()).removeprefix(str(root) if within else "")
-            if prim.IsA(UsdGeom.PointInstancer):
+            if prim.IsA(self._geometry.PointInstancer):
                 walk.PruneChildren()
-                yield from self._instanced(UsdGeom.PointInstancer(prim), name, within)
-            elif prim.IsA(UsdGeom.Mesh):
+                yield from self._instanced(self._geometry.PointInstancer(prim), name, within)
+            elif prim.IsA(self._geometry.Mesh):
                 yield name, prim.GetPath(), within
             elif prim.GetTypeName() in NOT_READ:
                 self._others.append(f"{prim.GetTypeName()} {name}")
@@ -67,26 +67,23 @@ class UsdFile:
         roots = instancer.GetPrototypesRel().GetForwardedTargets()
         seen = instancer.ComputeMaskAtTime(self._earliest) or [True] * len(kinds)
         if any(not 0 <= kind < len(roots) or not self._stage.GetPrimAtPath(roots[kind]) for kind in set(kinds)):
-            raise InputError(f"{self.path}: {name} has instances of prototypes that there are not; export it again")
+            raise InputError(f"{self._path}: {name} has instances of prototypes that there are not; export it again")
         for number in (number for number, one in enumerate(seen) if one):
             root = roots[kinds[number]]
             if any(root == other for _, _, other in within):
-                raise InputError(f"{self.path}: {name} is an instance of itself; export it again")
+                raise InputError(f"{self._path}: {name} is an instance of itself; export it again")
             yield from self._below(root, f"{name}[{number}]", ((instancer.GetPath(), number, root), *within))
 
     def _prim(self, path: Any) -> Any:
         return self._stage.GetPrimAtPath(path)
 
     def _mesh(self, name: str) -> Any:
-        from pxr import UsdGeom
-
-        return UsdGeom.Mesh(self._prim(self._found[name][0]))
+        return self._geometry.Mesh(self._prim(self._found[name][0]))
 
     def _instances_at(self, path: Any, code: Any) -> np.ndarray:
         """(i, 4, 4): the matrices of a point instancer's instances, which multiply rows from the right."""
-        from pxr.UsdGeom import PointInstancer as Kind
-
-        instancer, rules = Kind(self._prim(path)), (Kind.IncludeProtoXform, Kind.IgnoreMask)
+        kind = self._geometry.PointInstancer
+        instancer, rules = kind(self._prim(path)), (kind.IncludeProtoXform, kind.IgnoreMask)
         return np.array(instancer.ComputeInstanceTransformsAtTime(code, code, *rules)).reshape(-1, 4, 4)
 
     def _code(self, time: float | None) -> Any:
@@ -98,18 +95,16 @@ class UsdFile:
         for instancer, number, root in within:
             places = self._instances(instancer, code)
             if number >= len(places):
-                raise InputError(f"{self.path}: {name} has no place at {self.unit.format(time or 0)}; export it again")
+                raise InputError(f"{self._path}: {name} has no place at {self.unit.format(time or 0)}; export it again")
             own, _ = transforms.ComputeRelativeTransform(self._prim(path), self._prim(root))
             matrix, path = matrix @ np.array(own) @ places[number], instancer
         return matrix @ np.array(transforms.GetLocalToWorldTransform(self._prim(path)))
 
     def drawn(self, name: str) -> bool:
         """Instances are shown where their instancer is."""
-        from pxr import UsdGeom
-
         path, within = self._found[name]
-        image = UsdGeom.Imageable(self._prim(within[-1][0] if within else path))
-        visible = image.ComputeVisibility(self._earliest) != UsdGeom.Tokens.invisible
+        image = self._geometry.Imageable(self._prim(within[-1][0] if within else path))
+        visible = image.ComputeVisibility(self._earliest) != self._geometry.Tokens.invisible
         return visible and image.ComputePurpose() in DRAWN_PURPOSES
 
     def times(self, name: str) -> Iterable[float]:
@@ -127,54 +122,48 @@ class UsdFile:
         points = self._mesh(name).GetPointsAttr().Get(self._code(time))
         local = np.asarray(() if points is None else points, dtype=np.float64).reshape(-1, 3)
         matrix = self._matrix(name, time)
-        return self._unit * (local @ matrix[:3, :3] + matrix[3, :3])
+        return self._metres * (local @ matrix[:3, :3] + matrix[3, :3])
 
-    def faces(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Turned round where the file has them clockwise, or the mesh is mirrored."""
-        from pxr import UsdGeom
-
+    def faces(self, name: str) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Of a mirrored mesh the corners go the other way round."""
         mesh = self._mesh(name)
         counts, corners = (
             np.asarray(attribute.Get(self._earliest) or (), dtype=np.int64)
             for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
         )
-        left = mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
-        mirrored = np.linalg.det(self._matrix(name, None)[:3, :3]) < 0.0
-        return counts, turned_round(counts, corners) if left != mirrored else corners
+        left = mesh.GetOrientationAttr().Get() == self._geometry.Tokens.leftHanded
+        return counts, corners, left != bool(np.linalg.det(self._matrix(name, None)[:3, :3]) < 0.0)
 
     def groups(self, name: str) -> Iterable[str]:
         """Subsets of faces, as materials are given to."""
-        from pxr import UsdGeom
-
-        subsets = UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(self._mesh(name)))
+        subsets = self._geometry.Subset.GetAllGeomSubsets(self._geometry.Imageable(self._mesh(name)))
         return [subset.GetPrim().GetName() for subset in subsets]
 
     def _bake_skeleton(self, name: str) -> None:
         """Where a skeleton or blend shapes move a mesh, give its points samples, in memory: the file stays as it is."""
         from pxr import Gf, Tf, UsdSkel
 
-        path = self._found[name][0]
+        path, own = self._found[name][0], self._stage.GetSessionLayer()
         if not UsdSkel.Root.Find(self._prim(path)):
             return
-        own = self._stage.GetSessionLayer()
-        own.timeCodesPerSecond = self.rate  # else its samples are stretched to the file's rate
-        self._stage.SetEditTarget(own)
         while (above := self._prim(path)).IsInstanceProxy():  # no samples can be given to what instances share
             while above.IsInstanceProxy():
                 above = above.GetParent()
+            self._stage.SetEditTarget(own)
             above.SetInstanceable(False)
-        try:
-            baked = UsdSkel.BakeSkinning(UsdSkel.Root.Find(self._prim(path)), Gf.Interval.GetFullInterval())
-        except Tf.ErrorException as error:
-            baked = False
-            reason = f" ({str(error).strip().splitlines()[-1].strip()[:120]})"
-        else:
-            reason, points = "", path.AppendProperty("points")
-            given = own.GetAttributeAtPath(points)  # without a value where the mesh's weights do not fit its points
-            baked = baked and not (given and not given.HasDefaultValue() and not own.ListTimeSamplesForPath(points))
-        if not baked:
+        root, points, reason = UsdSkel.Root.Find(self._prim(path)), path.AppendProperty("points"), ""
+        if root.GetPath() not in self._baked:  # once for all of its meshes
+            self._baked.add(root.GetPath())
+            own.timeCodesPerSecond = self.rate  # else its samples are stretched to the file's rate
+            self._stage.SetEditTarget(own)
+            try:
+                UsdSkel.BakeSkinning(root, Gf.Interval.GetFullInterval())
+            except Tf.ErrorException as error:
+                reason = f" ({str(error).strip().splitlines()[-1].strip()[:120]})"
+        given = own.GetAttributeAtPath(points)  # without a value where the mesh's weights do not fit its points
+        if reason or (given and not given.HasDefaultValue() and not own.ListTimeSamplesForPath(points)):
             raise InputError(
-                f"{self.path}: the mesh {name}: its skeleton cannot be evaluated{reason}; export it with baked points"
+                f"{self._path}: the mesh {name}: its skeleton cannot be evaluated{reason}; export it with baked points"
             )
 
 
