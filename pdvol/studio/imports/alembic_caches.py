@@ -5,7 +5,6 @@ units, and corners go clockwise around a face as seen from outside.
 """
 
 from collections.abc import Iterable, Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,20 +28,22 @@ class AlembicFile:
         things = ((thing, kind) for thing in _things(self._archive.getTop()) if (kind := _mesh(thing)))
         self._meshes = {thing.getFullName(): (thing, kind) for thing, kind in things}
         self.names = list(self._meshes)
-        self._tracks = cache(self._tracks_of)
+        self._read: dict[str, list[tuple[np.ndarray, Any]]] = {}
 
     def _schema(self, name: str) -> Any:
         thing, kind = self._meshes[name]
         return kind(thing.getParent(), thing.getName()).getSchema()
 
-    def _tracks_of(self, name: str) -> list[tuple[np.ndarray, Any]]:
+    def _tracks(self, name: str) -> list[tuple[np.ndarray, Any]]:
         """Times (k,) [s] and values of a mesh's points, then of the matrices of what it hangs on, the nearest first."""
-        positions = self._schema(name).getPositionsProperty()
-        times = _times(positions, 1 if positions.isConstant() else positions.getNumSamples())
-        samples = [np.array(memoryview(positions.getValue(i))).reshape(-1, 3) for i in range(len(times))]
-        if not samples:
-            raise InputError(f"{self._path}: the mesh {name} has no points")
-        return [(times, samples), *_places(self._meshes[name][0])]
+        if name not in self._read:
+            positions = self._schema(name).getPositionsProperty()
+            times = _times(positions, 1 if positions.isConstant() else positions.getNumSamples())
+            samples = [np.array(memoryview(positions.getValue(i))).reshape(-1, 3) for i in range(len(times))]
+            if not samples:
+                raise InputError(f"{self._path}: the mesh {name} has no points")
+            self._read[name] = [(times, samples), *_places(self._meshes[name][0])]
+        return self._read[name]
 
     def drawn(self, name: str) -> bool:
         """Whether neither it nor what it hangs on is hidden."""

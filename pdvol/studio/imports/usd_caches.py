@@ -44,7 +44,8 @@ class UsdFile:
             *counted("references that cannot be read", errors),
             *counted("shapes left out, which are no meshes", self._others),
         ]
-        self._transforms, self._instances = cache(self._geometry.XformCache), cache(self._instances_at)
+        self._transforms = cache(UsdGeom.XformCache)
+        self._places: dict[tuple[Any, Any], np.ndarray] = {}
 
     def _below(self, root: Any, start: str = "", within: Within = ()) -> Iterator[tuple[str, Any, Within]]:
         """Names and paths of meshes at and below a path, and the point instancers around them."""
@@ -80,11 +81,14 @@ class UsdFile:
     def _mesh(self, name: str) -> Any:
         return self._geometry.Mesh(self._prim(self._found[name][0]))
 
-    def _instances_at(self, path: Any, code: Any) -> np.ndarray:
+    def _instances(self, path: Any, code: Any) -> np.ndarray:
         """(i, 4, 4): the matrices of a point instancer's instances, which multiply rows from the right."""
-        kind = self._geometry.PointInstancer
-        instancer, rules = kind(self._prim(path)), (kind.IncludeProtoXform, kind.IgnoreMask)
-        return np.array(instancer.ComputeInstanceTransformsAtTime(code, code, *rules)).reshape(-1, 4, 4)
+        if (path, code) not in self._places:
+            kind = self._geometry.PointInstancer
+            rules = kind.IncludeProtoXform, kind.IgnoreMask
+            found = kind(self._prim(path)).ComputeInstanceTransformsAtTime(code, code, *rules)
+            self._places[path, code] = np.array(found).reshape(-1, 4, 4)
+        return self._places[path, code]
 
     def _code(self, time: float | None) -> Any:
         return self._earliest if time is None else type(self._earliest)(time)

@@ -143,6 +143,13 @@ def test_instances_move_and_are_chosen_by_their_place(tmp_path):
         read_frames(PointCache(path))
 
 
+def test_a_file_that_was_written_anew_is_read_anew(tmp_path):
+    """The process that reads waits for another file, and keeps none of USD's."""
+    for x in (0.5, 0.75):
+        shape, _ = read_with_notes(usda(tmp_path / "s.usda", cube("c").replace("0.5", str(x)) + " " * int(100 * x)))
+        assert shape.vertices.max() == x
+
+
 def test_bodies_and_obstacles_are_made_of_them(tmp_path):
     """A body of 1 m^3, a rigid and a deforming obstacle, each from the same file of two instances."""
     text = f'class "_leaf"\n{{\n{cube("c")}}}\n' + "".join(
