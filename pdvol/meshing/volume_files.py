@@ -10,7 +10,8 @@ import numpy as np
 
 from pdvol.errors import MeshError
 from pdvol.meshes import Solid, Surface
-from pdvol.meshing.surface_files import QUADRATIC, first_that_reads, indices, triangles_of
+from pdvol.meshing.losses import counted
+from pdvol.meshing.surface_files import QUADRATIC, first_that_reads, indices, lost_labels, triangles_of
 
 if TYPE_CHECKING:
     import meshio
@@ -55,15 +56,18 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
     if tets:
         cells = np.concatenate([np.asarray(mesh.cells[b].data)[:, :4] for b in tets])
         labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
-        return Solid(points, indices(path, cells), labels), notes
+        return Solid(points, indices(path, cells), labels), notes + _unread_labels(mesh)
     triangles, blocks, rows = triangles_of(mesh)
     if len(triangles) == 0:
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "nothing"
         raise MeshError(f"{path}: holds no tetrahedra and no triangles (only {kinds}); export one of the two")
     triangles = indices(path, triangles)
     if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
-        return Solid(np.ascontiguousarray(points[:, :2]), triangles, _regions(mesh, blocks, rows)), notes
-    return Surface(points, triangles), notes
+        return Solid(
+            np.ascontiguousarray(points[:, :2]), triangles, _regions(mesh, blocks, rows)
+        ), notes + _unread_labels(mesh)
+    labels = np.unique(_regions(mesh, blocks, rows)).tolist()
+    return Surface(points, triangles), notes + lost_labels(list(map(str, labels if len(labels) > 1 else [])))
 
 
 def _quadratic(count: int) -> list[str]:
@@ -79,6 +83,15 @@ def _regions(mesh: "meshio.Mesh", blocks: np.ndarray, rows: np.ndarray | None) -
         if values.ndim == 1 and np.isfinite(values).all():
             labels[mine] = np.round(values[: mine.sum()] if rows is None else values[rows[mine]]).astype(np.int32)
     return labels
+
+
+def _unread_labels(mesh: "meshio.Mesh") -> list[str]:
+    """A line on whole numbers of cells, where none are under a name of regions."""
+    if any(name in mesh.cell_data for name in _LABELS):
+        return []
+    values = {name: np.concatenate([np.ravel(part) for part in parts]) for name, parts in mesh.cell_data.items()}
+    names = [name for name, all_ in values.items() if all_.dtype.kind in "iu" and len(np.unique(all_)) > 1]
+    return counted("cell data that may be regions and is not read, rename it to region", names)
 
 
 def _with_meshio(path: Path) -> "meshio.Mesh":

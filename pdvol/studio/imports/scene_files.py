@@ -12,6 +12,7 @@ from pdvol.meshes import Surface
 from pdvol.meshing.losses import counted, named
 from pdvol.meshing.polygons import cut_faces
 from pdvol.meshing.readers import read_in_child_process
+from pdvol.meshing.surface_files import lost_labels
 from pdvol.scene.point_caches import ALEMBIC_FILES
 from pdvol.studio.imports.alembic_caches import AlembicFile
 from pdvol.studio.imports.usd_caches import UsdFile
@@ -104,10 +105,7 @@ def _still(path: Path) -> tuple[Surface, list[str]]:
         notes = [
             *counted("meshes that are read as one surface", shown if len(shown) > 1 else []),
             *counted("meshes left out, which pictures do not show", [n for n in file.names if n not in set(shown)]),
-            *counted(
-                "groups of faces left out, for a surface has no regions",
-                list(dict.fromkeys(group for name in shown for group in file.groups(name))),
-            ),
+            *lost_labels(list(dict.fromkeys(group for name in shown for group in file.groups(name)))),
             *file.lost,
             *(["it moves, and its first frame is read"] if moves else []),
         ]
