@@ -3,8 +3,8 @@
 The library for each format was chosen by trying all of them. OBJ and OFF are read here: meshio refuses OBJ files that
 have more normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams, and libigl
 aborts the process on truncated files. PLY and STL are read by trimesh. What a file really is, is looked at before
-(`file_kinds.py`). Any error of a library becomes a message of one line. All reading happens in a child process of
-limited processor time and memory.
+(`file_kinds.py`). USD and Alembic are the studio's. Any error of a library becomes a message of one line. All reading
+happens in a child process of limited processor time and memory.
 """
 
 import atexit
