@@ -106,6 +106,8 @@ def read_render_meshes(folder: Path, bodies: int) -> tuple[StoredRender, ...]:
 
     def made(index: int, entry: dict, arrays: Mapping[str, np.ndarray]) -> StoredRender:
         body, picture, home = entry["body"], entry["texture"], folder / "render"
+        if not all(isinstance(text, str) for text in (entry["name"], entry["interpolant"], picture)):
+            raise TypeError
         listed = f"{folder / 'render.json'}: render mesh {index}"
         if type(body) is not int or not 0 <= body < bodies:
             raise InputError(f"{listed} is of body {body!r}, and there are {bodies}; {PUT_BACK}")

@@ -51,8 +51,8 @@ class UsdFile:
         """Names and paths of meshes at and below a path, and the point instancers around them."""
         from pxr import Usd
 
-        every = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-        walk = iter(Usd.PrimRange(self._stage.GetPrimAtPath(root), every))
+        kept = Usd.PrimIsActive & Usd.PrimIsLoaded if within else Usd.PrimDefaultPredicate  # prototypes may be classes
+        walk = iter(Usd.PrimRange(self._stage.GetPrimAtPath(root), Usd.TraverseInstanceProxies(kept)))
         for prim in walk:
             name = start + str(prim.GetPath()).removeprefix(str(root) if within else "")
             if prim.IsA(self._geometry.PointInstancer):

@@ -199,6 +199,7 @@ def test_damaged_files_are_named(stored, tmp_path):
         ({"texture": "1.png"}, "no file of this run"),
         ({"texture": "0.link"}, "has the texture '0.link', which is no file of this run"),
         ({"texture": ["0.png"]}, "is no list of render meshes"),
+        ({"name": 5}, "is no list of render meshes"),
         ({"body": 99}, "render mesh 0 is of body 99, and there are 2"),
         ({"body": -1}, "is of body -1"),
         ({"body": True}, "is of body True"),

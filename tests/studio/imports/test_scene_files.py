@@ -50,6 +50,19 @@ INSTANCER = f"""def PointInstancer "many"
     HIDDEN
 {cube("cube")}{placed("group", cube("inner"), translate="(0, 1, 0)")}}}
 """
+NESTED = """def PointInstancer "out"
+{
+    rel prototypes = [ </out/in> ]
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (0, 10, 0)]
+    def PointInstancer "in"
+    {
+        rel prototypes = [ </lib/c> ]
+        int[] protoIndices = [0, 0]
+        point3f[] positions = [(0, 0, 0), (4, 0, 0)]
+    }
+}
+"""
 PAIR = "".join(placed(name, instance_of="</_leaf>", translate=f"(0, {y}, 0)") for name, y in (("l", 2), ("r", -2)))
 
 
@@ -87,6 +100,13 @@ def usda(path: Path, text: str, unit: float = 1.0) -> Path:
             r"2 \(/many\[0\], /many\[1\]/inner\)",
         ),
         (
+            f'class "lib"\n{{\n{cube("c")}}}\n{NESTED}',
+            (-0.5, -0.5, -0.5),
+            (4.5, 10.5, 0.5),
+            4,
+            r"4 \(/out\[0\]\[0\], /out\[0\]\[1\], /out\[1\]\[0\], /out\[1\]\[1\]\)$",
+        ),
+        (
             placed("m", cube("c"), scale="(-1, 1, 1)", translate="(5, 0, 0)")
             + cube("left", 'uniform token orientation = "leftHanded"', inward=True),
             (-5.5, -0.5, -0.5),
@@ -119,7 +139,7 @@ def usda(path: Path, text: str, unit: float = 1.0) -> Path:
             r"has no regions: 1 \(lid\)\|shapes left out, which are no meshes: 1 \(Sphere /s\)$",
         ),
     ],
-    ids=["nested", "instances", "instancer", "masked", "mirrored", "hidden", "references", "lost"],
+    ids=["nested", "instances", "instancer", "masked", "instancers", "mirrored", "hidden", "references", "lost"],
 )
 @pytest.mark.parametrize("unit", [1.0, 0.01])
 def test_a_usd_file_is_a_shape(tmp_path, text, low, high, volume, notes, unit):
