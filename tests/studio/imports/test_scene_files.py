@@ -13,7 +13,10 @@ from pdvol.meshing.build import build_levels, read_obstacle
 from pdvol.meshing.point_caches import read_frames
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.verdict import judge
+from pdvol.runs.preflight import check_scene
+from pdvol.runs.scene_file import load_shot
 
+CASES = Path(__file__).parents[3].parent / "shared" / "cases"
 CUBE = np.array([[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
 FACES = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
 
@@ -150,6 +153,23 @@ def test_a_usd_file_is_a_shape(tmp_path, text, low, high, volume, notes, unit):
     np.testing.assert_allclose(box, unit * np.array([low, high]), atol=3e-4 * unit)  # quaternions in half precision
     assert enclosed_volume(shape.vertices, shape.triangles) == pytest.approx(volume * unit**3, rel=1e-3)
     assert re.search(notes, "|".join(found)), found
+
+
+@pytest.mark.parametrize(
+    ("file", "settings", "notes"),
+    [
+        ("10-usd-instance/s.py", {}, []),
+        ("12-vertexgroup-ply/s.py", {"use": "group"}, []),
+        ("14-missing-texture-silent/s.py", {"file": "missing"}, ["textures that are missing: 1 (nothere.png)"]),
+        ("14-missing-texture-silent/s.py", {"file": "winabs"}, []),
+    ],
+)
+def test_scenes_that_were_handed_over_are_sound(file, settings, notes):
+    if not CASES.is_dir():
+        pytest.skip("needs the folder of handed-over cases")
+    result = check_scene(load_shot(CASES / file, settings).scene, 0.0)
+    lost = [note for note in result["notes"] if "texture" in note]
+    assert result["sound"] and len(lost) == len(notes) and all(map(str.__contains__, lost, notes))
 
 
 def test_instances_move_and_are_chosen_by_their_place(tmp_path):
