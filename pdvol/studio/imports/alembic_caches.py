@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.meshing.losses import counted
 
+NOT_READ = (["Points"], ["Curve"], ["NuPatch"])  # kinds of shapes that are no meshes
 TIME_DIGITS = 9  # of times in seconds: samples of two objects at the same time may differ by rounding
 
 
@@ -23,10 +25,12 @@ class AlembicFile:
     def __init__(self, path: Path):
         from alembic3d.Abc import IArchive
 
-        self._path, self.lost = path, list[str]()
-        self._archive = IArchive(str(path))  # its objects do not keep it
-        things = ((thing, kind) for thing in _things(self._archive.getTop()) if (kind := _mesh(thing)))
-        self._meshes = {thing.getFullName(): (thing, kind) for thing, kind in things}
+        self._path, self._archive = path, IArchive(str(path))  # its objects do not keep it
+        everything = list(_things(self._archive.getTop()))
+        self._meshes = {thing.getFullName(): (thing, kind) for thing in everything if (kind := _mesh(thing))}
+        others = ((thing.getMetaData().get("schema").split("_"), thing.getFullName()) for thing in everything)
+        left = [f"{schema[1]} {name}" for schema, name in others if schema[1:2] in NOT_READ]
+        self.lost = counted("shapes left out, which are no meshes", left)
         self.names = list(self._meshes)
         self._read: dict[str, list[tuple[np.ndarray, Any]]] = {}
 

@@ -242,6 +242,7 @@ def test_an_alembic_file_is_a_shape(tmp_path):
             AbcGeom.CreateVisibilityProperty(parent, 0).setValue(0)
         sample = V3fArrayFromBuffer(points), IntArrayFromBuffer(corners), IntArrayFromBuffer(counts)
         AbcGeom.OPolyMesh(parent, "s").getSchema().set(AbcGeom.OPolyMeshSchemaSample(*sample))
+    AbcGeom.OCurves(archive.getTop(), "line")
     del archive, parent
     shape, notes = read_with_notes(tmp_path / "s.abc")
     judge(shape, "it")
@@ -250,4 +251,5 @@ def test_an_alembic_file_is_a_shape(tmp_path):
     assert notes == [
         "meshes that are read as one surface: 2 (/a/s, /b/s)",
         "meshes left out, which pictures do not show: 1 (/c/s)",
+        "shapes left out, which are no meshes: 1 (Curve /line)",
     ]
