@@ -121,11 +121,3 @@ def promised_faces(path: Path) -> int | None:
     with path.open("rb") as file:
         found = re.search(rb"element\s+face\s+(\d+)", file.read(START))
     return int(found.group(1)) if found else None
-
-
-def face_labels(path: Path) -> list[str]:
-    """Names of whole numbers other than colours and flags that each face of a PLY file has."""
-    with path.open("rb") as file:
-        faces = file.read(START).partition(b"end_header")[0].partition(b"element face")[2].partition(b"element")[0]
-    found = re.findall(rb"property\s+u?(?:char|short|int|int8|int16|int32)\s+(\w+)", faces)
-    return [name.decode() for name in found if name not in (b"red", b"green", b"blue", b"alpha", b"flags")]

@@ -1,6 +1,6 @@
 """Triangles from files of surfaces, and from the blocks of meshio; polygons are cut."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -9,8 +9,8 @@ import numpy as np
 
 from pdvol.errors import MeshError
 from pdvol.meshes import Surface
-from pdvol.meshing.file_kinds import face_labels, promised_faces
-from pdvol.meshing.losses import counted
+from pdvol.meshing.file_kinds import promised_faces
+from pdvol.meshing.losses import face_labels, lost_labels
 from pdvol.meshing.polygons import cut_faces, cut_polygons
 
 if TYPE_CHECKING:
@@ -32,12 +32,12 @@ def read_surface(path: Path) -> tuple[Surface, list[str]]:
     MeshError
         It is unreadable, truncated, or holds no triangles.
     """
-    points, triangles, labels = first_that_reads(
-        path, {".obj": read_obj, ".off": _off}.get(path.suffix.lower(), _ply_or_stl)
-    )
+    points, triangles = first_that_reads(path, {".obj": read_obj, ".off": _off}.get(path.suffix.lower(), _ply_or_stl))
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
-    return Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles)), lost_labels(labels)
+    return Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles)), lost_labels(
+        face_labels(path)
+    )
 
 
 def first_that_reads(path: Path, *readers: Callable[[Path], Result]) -> Result:
@@ -55,11 +55,6 @@ def first_that_reads(path: Path, *readers: Callable[[Path], Result]) -> Result:
             reasons.append(" ".join(str(error).split()) if not isinstance(error, SystemExit) else "")
     reason = next((r for r in reasons if r), "its contents do not fit its extension")
     raise MeshError(f"{path}: unreadable or truncated ({reason[:160]}); export the mesh again")
-
-
-def lost_labels(labels: Sequence[str]) -> list[str]:
-    """A line on labels of a surface's faces, or names of them."""
-    return counted("labels of faces left out, for a surface has no regions", labels)
 
 
 def indices(path: Path, cells: np.ndarray) -> np.ndarray:
@@ -80,7 +75,7 @@ class ObjText:
     faces : the corners of each polygon, numbered from 0
     textures : as the file has it, the number of each corner's `vt` line, and how many of these came before the face
     uvs : the words of each `vt` line
-    libraries, materials, groups : files of materials, and the names that `usemtl` and `g` lines give
+    libraries, materials : files of materials, and the names that `usemtl` lines give
     """
 
     points: list[tuple[float, float, float]] = field(default_factory=list)
@@ -89,7 +84,6 @@ class ObjText:
     uvs: list[list[str]] = field(default_factory=list)
     libraries: list[str] = field(default_factory=list)
     materials: list[str] = field(default_factory=list)
-    groups: list[str] = field(default_factory=list)
 
 
 def parse_obj(path: Path) -> ObjText:
@@ -114,22 +108,17 @@ def parse_obj(path: Path) -> ObjText:
             found.libraries.append(line.split(None, 1)[1].strip() if rest else "")
         elif word == "usemtl" and rest and rest[0] not in found.materials:
             found.materials.append(rest[0])
-        elif word == "g" and rest and rest[0] not in found.groups:
-            found.groups.append(rest[0])
     return found
 
 
-def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """The `v` and `f` lines of an OBJ file, polygons cut, texture and normal indices left out; and its groups or
-    materials, where it has several.
-    """
+def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The `v` and `f` lines of an OBJ file, polygons cut, texture and normal indices left out."""
     found = parse_obj(path)
     places = np.array(found.points).reshape(-1, 3)
-    labels = next((names for names in (found.groups, found.materials) if len(names) > 1), [])
-    return places, cut_faces(places, found.faces), labels
+    return places, cut_faces(places, found.faces)
 
 
-def _ply_or_stl(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def _ply_or_stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     # `fix_texture` would split vertices at a texture's seams.
@@ -137,18 +126,17 @@ def _ply_or_stl(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if path.suffix.lower() == ".stl":  # every triangle brings its own corners
         points, index = np.unique(points, axis=0, return_inverse=True)
-        return points, index.ravel()[triangles], []
-    labels = face_labels(path)
+        return points, index.ravel()[triangles]
     promised = promised_faces(path)
     if promised is not None and promised < len(triangles):  # polygons, which trimesh has cut in fans
         import meshio
 
         polygons = meshio.read(path)
-        return np.asarray(polygons.points), triangles_of(polygons)[0], labels
-    return points, triangles, labels
+        return np.asarray(polygons.points), triangles_of(polygons)[0]
+    return points, triangles
 
 
-def _off(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
     lines = (line.partition("#")[0].split() for line in path.read_text(errors="replace").splitlines())
     words = [line for line in lines if line]
     header = words.pop(0)[1:] or words.pop(0)
@@ -159,7 +147,7 @@ def _off(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     faces = [[int(c) for c in line[1 : int(line[0]) + 1]] for line in words[n : n + m]]
     if any(not 0 <= c < n for face in faces for c in face):
         raise IndexError(f"a face has an index beyond the {n} vertices")
-    return points, cut_faces(points, faces), []
+    return points, cut_faces(points, faces)
 
 
 def triangles_of(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from pdvol.errors import MeshError
 from pdvol.meshes import Solid, Surface
-from pdvol.meshing.losses import counted
-from pdvol.meshing.surface_files import QUADRATIC, first_that_reads, indices, lost_labels, triangles_of
+from pdvol.meshing.losses import lost_labels, unread_labels
+from pdvol.meshing.surface_files import QUADRATIC, first_that_reads, indices, triangles_of
 
 if TYPE_CHECKING:
     import meshio
@@ -56,7 +56,7 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
     if tets:
         cells = np.concatenate([np.asarray(mesh.cells[b].data)[:, :4] for b in tets])
         labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
-        return Solid(points, indices(path, cells), labels), notes + _unread_labels(mesh)
+        return Solid(points, indices(path, cells), labels), notes + unread_labels(mesh.cell_data, _LABELS)
     triangles, blocks, rows = triangles_of(mesh)
     if len(triangles) == 0:
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "nothing"
@@ -65,7 +65,7 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
     if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
         return Solid(
             np.ascontiguousarray(points[:, :2]), triangles, _regions(mesh, blocks, rows)
-        ), notes + _unread_labels(mesh)
+        ), notes + unread_labels(mesh.cell_data, _LABELS)
     labels = np.unique(_regions(mesh, blocks, rows)).tolist()
     return Surface(points, triangles), notes + lost_labels(list(map(str, labels if len(labels) > 1 else [])))
 
@@ -83,15 +83,6 @@ def _regions(mesh: "meshio.Mesh", blocks: np.ndarray, rows: np.ndarray | None) -
         if values.ndim == 1 and np.isfinite(values).all():
             labels[mine] = np.round(values[: mine.sum()] if rows is None else values[rows[mine]]).astype(np.int32)
     return labels
-
-
-def _unread_labels(mesh: "meshio.Mesh") -> list[str]:
-    """A line on whole numbers of cells, where none are under a name of regions."""
-    if any(name in mesh.cell_data for name in _LABELS):
-        return []
-    values = {name: np.concatenate([np.ravel(part) for part in parts]) for name, parts in mesh.cell_data.items()}
-    names = [name for name, all_ in values.items() if all_.dtype.kind in "iu" and len(np.unique(all_)) > 1]
-    return counted("cell data that may be regions and is not read, rename it to region", names)
 
 
 def _with_meshio(path: Path) -> "meshio.Mesh":

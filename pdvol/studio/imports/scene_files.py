@@ -9,10 +9,9 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Surface
-from pdvol.meshing.losses import counted, named
+from pdvol.meshing.losses import counted, lost_labels, named
 from pdvol.meshing.polygons import cut_faces
 from pdvol.meshing.readers import read_in_child_process
-from pdvol.meshing.surface_files import lost_labels
 from pdvol.scene.point_caches import ALEMBIC_FILES
 from pdvol.studio.imports.alembic_caches import AlembicFile
 from pdvol.studio.imports.usd_caches import UsdFile
