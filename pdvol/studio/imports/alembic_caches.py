@@ -13,7 +13,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.meshing.losses import counted
 
-NOT_READ = (["Points"], ["Curve"], ["NuPatch"])  # kinds of shapes that are no meshes
+NO_MESHES = (["Points"], ["Curve"], ["NuPatch"])  # kinds of shapes that are no meshes
 TIME_DIGITS = 9  # of times in seconds: samples of two objects at the same time may differ by rounding
 
 
@@ -29,7 +29,7 @@ class AlembicFile:
         everything = list(_things(self._archive.getTop()))
         self._meshes = {thing.getFullName(): (thing, kind) for thing in everything if (kind := _mesh(thing))}
         others = ((thing.getMetaData().get("schema").split("_"), thing.getFullName()) for thing in everything)
-        left = [f"{schema[1]} {name}" for schema, name in others if schema[1:2] in NOT_READ]
+        left = [f"{schema[1]} {name}" for schema, name in others if schema[1:2] in NO_MESHES]
         self.lost = counted("shapes left out, which are no meshes", left)
         self.names = list(self._meshes)
         self._read: dict[str, list[tuple[np.ndarray, Any]]] = {}
