@@ -157,8 +157,8 @@ STUDIO = Registry(
     {
         "play": Entry("pdvol.studio.play.notebook:play"),
         "polyfem_scene": Entry("pdvol.studio.imports.polyfem:polyfem_scene"),
-        "read_alembic": Entry("pdvol.studio.imports.alembic_caches:read_alembic"),
-        "read_usd": Entry("pdvol.studio.imports.usd_caches:read_usd"),
+        "read_animation": Entry("pdvol.studio.imports.scene_files:read_animation"),
+        "read_still": Entry("pdvol.studio.imports.scene_files:read_still"),
     },
 )
 """The functions of `pdvol.studio` that the core calls. It imports nothing of the studio, and finds them here."""

@@ -37,7 +37,8 @@ def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
         from pdvol.studio.draw.picture import render
 
         render(run, out / "picture.png")
-    notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run))]
+    lost = (note for mesh in run.render_meshes for note in mesh.notes)
+    notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run), *lost)]
     for line in (*notes, *held_back_lines(run)):
         print(line, file=sys.stderr)
     files = ["states", "log.jsonl", *(["level_N.xdmf"] if exported else []), *(["picture.png"] if drawn else [])]

@@ -15,11 +15,10 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Outline, Surface
-from pdvol.meshing.surface_files import named_obj
+from pdvol.meshing.readers import read_numbered
 from pdvol.meshing.validate import outline_edges
 from pdvol.registry import STUDIO
 from pdvol.scene import Placement, PointCache
-from pdvol.scene.point_caches import USD_FILES
 
 PC2_HEADER = struct.Struct("<12siiffi")
 CACHES_KEPT = 8  # read caches that are kept: each level and each support asks for them
@@ -109,7 +108,7 @@ def cached_surface(cache: PointCache, frame: int = 0) -> Surface | Outline:
     if points.shape[1] == 2:
         return Outline(points)
     if len(frames.faces) == 0:
-        raise InputError(f"{cache.label} has points without faces; give PointCache(faces=...), as the path of an OBJ")
+        raise InputError(f"{cache.label} has points without faces; give PointCache(faces=...), as the path of its mesh")
     return Surface(points, frames.faces.astype(np.int32))
 
 
@@ -125,7 +124,7 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
     """The faces that the scene gives."""
     faces: Any = cache.faces
     if isinstance(faces, (str, Path)):
-        path, vertices, faces = named_obj(faces, "PointCache.faces")
+        path, (vertices, faces) = faces, read_numbered(faces, "PointCache.faces")
         if len(vertices) != points.shape[1]:
             raise InputError(
                 f"{path} has {len(vertices):,} vertices and {cache.label} {points.shape[1]:,} points; export both from"
@@ -139,12 +138,8 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
 
 
 def _mesh(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], points and triangles of a mesh in a USD or Alembic file."""
-    if path.suffix.lower() in USD_FILES:
-        mesh, where = STUDIO["read_usd"](path, cache.prim, cache.fps)
-    else:
-        mesh, where = STUDIO["read_alembic"](path, cache.prim)
-    return mesh.times, mesh.points, mesh.triangles(where)
+    """Times [s], points and triangles of meshes in a USD or Alembic file."""
+    return STUDIO["read_animation"](path, cache.prim, cache.fps)
 
 
 def _pc2(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -3,8 +3,8 @@
 The library for each format was chosen by trying all of them. OBJ and OFF are read here: meshio refuses OBJ files that
 have more normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams, and libigl
 aborts the process on truncated files. PLY and STL are read by trimesh. What a file really is, is looked at before
-(`file_kinds.py`). Any error of a library becomes a message of one line. All reading happens in a child process of
-limited processor time and memory.
+(`file_kinds.py`). USD and Alembic are the studio's. Any error of a library becomes a message of one line. All reading
+happens in a child process of limited processor time and memory.
 """
 
 import atexit
@@ -14,7 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pdvol.errors import InputError, MeshError
+from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessFailed, check_budget
@@ -22,7 +25,11 @@ from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter
 from pdvol.meshing.surface_files import SURFACES, read_surface
 from pdvol.meshing.volume_files import PAIR, VOLUMES, read_pair, read_volume
 from pdvol.meshing.weld import weld_open
+from pdvol.registry import STUDIO
+from pdvol.scene.point_caches import ALEMBIC_FILES, USD_FILES
 
+SCENES = USD_FILES + ALEMBIC_FILES
+"""Files of scenes, whose meshes are read as one surface."""
 LOADS = {".ply": "trimesh", ".stl": "trimesh", **dict.fromkeys(VOLUMES, "meshio")}
 """The library that reads a kind of file: its loading does not count as reading."""
 MARK_IN_THE_WAY = (".ply", ".off", ".stl", ".msh", ".vtk", ".vtu", ".mesh")  # of a byte-order mark: others skip it
@@ -77,12 +84,14 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
     return read_with_notes(shape)[0]
 
 
-def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outline | Surface | Solid, list[str]]:
+def read_with_notes(
+    shape: str | Path | Outline | Surface | Solid, weld: bool = True
+) -> tuple[Outline | Surface | Solid, list[str]]:
     """The shape as arrays, and a line for each thing that reading has done to it; arrays are passed through.
 
     A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a
-    `Surface`. Vertices of an open surface that are exactly the same are welded. Quadratic cells are read by their
-    corners.
+    `Surface`. Vertices of an open surface that are exactly the same are welded, unless `weld` is False. Quadratic cells
+    are read by their corners.
 
     Raises
     ------
@@ -97,8 +106,8 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
         raise InputError(f"a shape must be a path, an Outline, a Surface or a Solid, not {type(shape).__name__}")
     path = Path(shape).expanduser()
     suffix = path.suffix.lower()
-    if suffix not in SURFACES + VOLUMES + PAIR:
-        known = ", ".join(SURFACES + VOLUMES + PAIR)
+    if suffix not in SURFACES + VOLUMES + PAIR + SCENES:
+        known = ", ".join(SURFACES + VOLUMES + PAIR + SCENES)
         raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {known}{converter(path)}")
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
@@ -122,14 +131,43 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
     else:
         read, notes = _read(path)
     check_budget(str(path))
-    if isinstance(read, Surface):
+    if weld and isinstance(read, Surface):
         read, welded = weld_open(read)
         notes = notes + welded
     return read, notes
 
 
+def read_numbered(file: str | Path, whose: str) -> tuple[np.ndarray, np.ndarray]:
+    """All vertices (n, d) of a file that a scene names, in the file's order, and the facets (f, d) int64 between them:
+    triangles, or edges of a flat volume mesh. Of volume meshes these are the boundary.
+
+    Parameters
+    ----------
+    whose : the field that names it, as "PointCache.faces"; begins messages
+
+    Raises
+    ------
+    InputError
+        It is missing or unreadable, has no facets, or does not number its vertices, as STL.
+    """
+    if Path(file).suffix.lower() == ".stl":
+        raise InputError(f"{whose}: {file}: STL files do not number their vertices; export OBJ or PLY")
+    try:
+        shape = read_with_notes(file, weld=False)[0]
+    except InputError as error:
+        raise InputError(f"{whose}: {error}") from error
+    if isinstance(shape, Solid):
+        return shape.vertices, boundary_facets(shape.cells.astype(np.int64))[0]
+    vertices, triangles = shape.vertices, shape.triangles.astype(np.int64)
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise InputError(f"{whose}: {file}: its faces do not fit its {len(vertices):,} vertices; export it again")
+    return vertices, triangles
+
+
 def _read(path: Path) -> tuple[Surface | Solid, list[str]]:
-    check_kind(path)
     suffix = path.suffix.lower()
+    if suffix in SCENES:
+        return STUDIO["read_still"](path)
+    check_kind(path)
     reader = read_surface if suffix in SURFACES else read_pair if suffix in PAIR else read_volume
     return read_in_child_process(path, reader, loads=LOADS.get(suffix, ""))

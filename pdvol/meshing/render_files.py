@@ -4,21 +4,27 @@ They need not be closed, may have seams, loose vertices and parts that cross: no
 vertices keep the order of the file.
 """
 
-from pathlib import Path
+import re
+from pathlib import Path, PureWindowsPath
 
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import RenderSurface, Solid, Surface
-from pdvol.meshing.readers import read_in_child_process, read_shape
-from pdvol.meshing.surface_files import SURFACES, first_that_reads, parse_obj
+from pdvol.meshing.file_kinds import START
+from pdvol.meshing.losses import counted
+from pdvol.meshing.readers import read_in_child_process, read_with_notes
+from pdvol.meshing.surface_files import SURFACES, ObjText, first_that_reads, parse_obj
 
 PICTURES = (".png", ".jpg", ".jpeg")
 """Kinds of textures: what all importers of USD and OBJ read."""
+_OPTIONS = re.compile(r"(-(mm +\S+ +\S+|[ost]( +[-+.\d]+){1,3}|[a-z]+ +\S+) +)+")
+"""What stands between `map_Kd` and the name of a file."""
 
 
-def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) -> tuple[RenderSurface, str]:
-    """A surface with its texture coordinates, and the picture that the file's materials name, empty if none.
+def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) -> tuple[RenderSurface, str, list[str]]:
+    """A surface with its texture coordinates; the picture that the file's materials name, empty if none; and what of
+    its materials is missing or not read, in lines.
 
     Parameters
     ----------
@@ -32,7 +38,7 @@ def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) 
     MeshError
         It cannot be read, or its faces use vertices or texture coordinates that there are not.
     """
-    picture = ""
+    picture, lost = "", list[str]()
     if isinstance(shape, RenderSurface):
         surface = shape
     elif isinstance(shape, Surface):
@@ -41,16 +47,16 @@ def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) 
         path = Path(shape).expanduser()
         name = str(path)
         if path.suffix.lower() == ".obj" and path.is_file() and path.stat().st_size:
-            surface, picture = _obj(path)
+            surface, picture, lost = _obj(path)
         elif path.suffix.lower() not in SURFACES:
             raise InputError(f"{path}: a render mesh is a surface; give one of {', '.join(SURFACES)}")
         else:
-            read = read_shape(path)
+            read, lost = read_with_notes(path, weld=False)[0], _lost_of_ply(path)
             if isinstance(read, Solid) or not isinstance(read, Surface):
                 raise InputError(f"{path}: a render mesh is a surface, not a {type(read).__name__.lower()}")
             surface = RenderSurface.of(read.vertices, read.triangles)
     _check(surface, name)
-    return surface, picture
+    return surface, picture, lost
 
 
 def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
@@ -74,23 +80,35 @@ def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
     return data, ending
 
 
-def _obj(path: Path) -> tuple[RenderSurface, str]:
-    surface, pictures = read_in_child_process(path, _textured_obj)
+def _obj(path: Path) -> tuple[RenderSurface, str, list[str]]:
+    surface, pictures, lost = read_in_child_process(path, _textured_obj)
     if len(pictures) > 1:
         names = ", ".join(Path(picture).name for picture in pictures)
         raise InputError(
             f"{path}: its materials name {len(pictures)} textures ({names}); give one RenderMesh for each, or"
             " RenderMesh(texture=...)"
         )
-    return surface, pictures[0] if pictures else ""
+    return surface, pictures[0] if pictures else "", lost
 
 
-def _textured_obj(path: Path) -> tuple[RenderSurface, list[str]]:
-    """The surface of an OBJ file and its pictures, in a child process."""
+def _textured_obj(path: Path) -> tuple[RenderSurface, list[str], list[str]]:
+    """The surface of an OBJ file, its pictures and what is lost, in a child process."""
     return first_that_reads(path, _parsed)
 
 
-def _parsed(path: Path) -> tuple[RenderSurface, list[str]]:
+def _lost_of_ply(path: Path) -> list[str]:
+    """What a PLY file's header promises, and render meshes take from OBJ files alone."""
+    head = path.read_bytes()[:START].partition(b"end_header")[0].decode("latin1")
+    if path.suffix.lower() != ".ply":
+        return []
+    found = re.findall(
+        r"^comment TextureFile (.*\S)|^property .*\b(texcoord|s|u|texture_u|red)\s*$", head, re.MULTILINE
+    )
+    names = [file or ("colours" if name == "red" else "texture coordinates") for file, name in found]
+    return counted(f"{path}: of a PLY file not read, export OBJ", names)
+
+
+def _parsed(path: Path) -> tuple[RenderSurface, list[str], list[str]]:
     found = parse_obj(path)
     textured = any(any(words) for words, _ in found.textures)
     uvs = [(float(words[0]), float(words[1])) for words in found.uvs] if textured else []
@@ -109,7 +127,7 @@ def _parsed(path: Path) -> tuple[RenderSurface, list[str]]:
         np.array(uvs, dtype=np.float64).reshape(-1, 2),
         np.array(uv_corners, dtype=np.int64),
     )
-    return surface, _pictures(path, found.libraries, found.materials)
+    return surface, *_pictures(path, found)
 
 
 def _place(number: int, before: int, count: int) -> int:
@@ -120,24 +138,41 @@ def _place(number: int, before: int, count: int) -> int:
     return place
 
 
-def _pictures(path: Path, libraries: list[str], materials: list[str]) -> list[str]:
-    """The pictures of colour (`map_Kd`) of the materials that a file uses, those that are there."""
-    found: list[str] = []
-    for library in libraries:
-        file = path.parent / library
+def _pictures(path: Path, found: ObjText) -> tuple[list[str], list[str]]:
+    """The pictures of colour (`map_Kd`) of the materials that a file uses, and a line on what is lost."""
+    pictures, missing, others, defined = list[str](), list[str](), list[str](), set[str]()
+    files = {library: _beside(path.parent, library) for library in found.libraries}
+    for file in filter(None, files.values()):
         material = ""
-        for line in file.read_text(errors="replace").splitlines() if file.is_file() else ():
+        for line in file.read_text(errors="replace").splitlines():
             word, _, rest = line.strip().partition(" ")
+            rest = rest.strip()
             if word == "newmtl":
-                material = rest.strip()
-            elif word.lower() == "map_kd" and material in materials:
-                # Options come before the file's name, which may have blanks itself.
-                names = [rest.strip(), rest.split()[-1]] if rest.strip() else []
-                there = [path.parent / name.replace("\\", "/") for name in names]
-                chosen = next((str(picture) for picture in there if picture.is_file()), "")
-                if chosen and chosen not in found:
-                    found.append(chosen)
-    return found
+                material = rest
+                defined.add(material)
+            elif material in found.materials and word.lower() == "map_kd":
+                names = rest, _OPTIONS.sub("", rest, count=1)  # the name may have blanks itself
+                picture = next(filter(None, (_beside(path.parent, name) for name in names)), None)
+                (pictures if picture else missing).append(
+                    str(picture or PureWindowsPath(names[1]).name or "map_Kd without a name")
+                )
+            elif material in found.materials and word.lower().startswith(("map_", "bump", "norm", "disp", "refl")):
+                others.append(line.strip())
+    absent = counted("files of materials that are missing", [name for name, file in files.items() if file is None])
+    absent = absent or counted("materials that no file has", [n for n in found.materials if n not in defined])
+    absent += counted("textures that are missing", list(dict.fromkeys(missing)))
+    absent += ["put what is missing beside the file, or give RenderMesh(texture=...)"] if absent else []
+    lost = [*counted("textures of other kinds left out", others), *absent]
+    return list(dict.fromkeys(pictures)), [f"{path}: {'; '.join(lost)}"] if lost else []
+
+
+def _beside(folder: Path, name: str) -> Path | None:
+    """The file that a surface in a folder names: at its place or, where that is one of another machine, in the folder,
+    in whatever case. None where there is none.
+    """
+    place, plain = folder / name.replace("\\", "/"), PureWindowsPath(name).name.lower()
+    there = [place, *sorted(file for file in folder.iterdir() if file.name.lower() == plain)]
+    return next((file for file in there if file.is_file()), None)
 
 
 def _check(surface: RenderSurface, name: str) -> None:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from pdvol.errors import InputError, MeshError
+from pdvol.errors import MeshError
 from pdvol.meshes import Surface
 from pdvol.meshing.file_kinds import promised_faces
+from pdvol.meshing.losses import face_labels, lost_labels
 from pdvol.meshing.polygons import cut_faces, cut_polygons
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ Result = TypeVar("Result")
 
 
 def read_surface(path: Path) -> tuple[Surface, list[str]]:
-    """The triangles of a file of `SURFACES`, in a child process; there are no notes.
+    """The triangles of a file of `SURFACES`, in a child process, and a note on labels of faces that are left out.
 
     Raises
     ------
@@ -34,7 +35,9 @@ def read_surface(path: Path) -> tuple[Surface, list[str]]:
     points, triangles = first_that_reads(path, {".obj": read_obj, ".off": _off}.get(path.suffix.lower(), _ply_or_stl))
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
-    return Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles)), []
+    return Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles)), lost_labels(
+        face_labels(path)
+    )
 
 
 def first_that_reads(path: Path, *readers: Callable[[Path], Result]) -> Result:
@@ -115,31 +118,11 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return places, cut_faces(places, found.faces)
 
 
-def named_obj(file: str | Path, whose: str) -> tuple[Path, np.ndarray, np.ndarray]:
-    """The path of an OBJ file that a scene names, its points and its triangles.
-
-    Parameters
-    ----------
-    whose : the field that names it, as "PointCache.faces"
-
-    Raises
-    ------
-    InputError
-        It is missing or unreadable.
-    """
-    path = Path(file).expanduser()
-    try:
-        return path, *read_obj(path)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: there is no such file; check {whose}") from error
-    except (OSError, ValueError, IndexError) as error:
-        raise InputError(f"{path}: unreadable ({' '.join(str(error).split())}); export the OBJ again") from error
-
-
 def _ply_or_stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
-    mesh = trimesh.load_mesh(path, process=False)
+    # `fix_texture` would split vertices at a texture's seams.
+    mesh = trimesh.load_mesh(path, process=False, fix_texture=False)
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if path.suffix.lower() == ".stl":  # every triangle brings its own corners
         points, index = np.unique(points, axis=0, return_inverse=True)

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import nearest_points
 from pdvol.meshes import Surface
-from pdvol.meshing.surface_files import named_obj
+from pdvol.meshing.readers import read_numbered
 from pdvol.scene import Placement
 from pdvol.scene.checks import flag, positive
 from pdvol.scene.element import Element
@@ -31,7 +31,7 @@ class VertexGroup(Element):
 
     Attributes
     ----------
-    surface : path of an OBJ file, or a `Surface`
+    surface : path of a surface or a volume mesh whose file numbers its vertices (not STL), or a `Surface`
     weights : (n,) 0 to 1, a weight for each vertex in its order; or the path of a text file with one on each line
     reach : points belong to the group up to this distance from what is marked, as a fraction of the surface's diagonal
     filled : instead, points at any depth belong to it whose nearest point of the surface has a weight of at least 0.5,
@@ -93,10 +93,10 @@ class VertexGroup(Element):
 def _surface(surface: str | Path | Surface) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(surface, Surface):
         return np.asarray(surface.vertices, dtype=float), np.asarray(surface.triangles, dtype=np.int64)
-    path, vertices, triangles = named_obj(surface, "VertexGroup.surface")
-    if not len(triangles):
-        raise InputError(f"{path}: no faces; VertexGroup.surface is a surface")
-    return np.asarray(vertices, dtype=float), np.asarray(triangles, dtype=np.int64)
+    vertices, triangles = read_numbered(surface, "VertexGroup.surface")
+    if vertices.shape[1] != 3:
+        raise InputError(f"VertexGroup.surface: {surface} is flat; give a surface in 3D")
+    return vertices, triangles
 
 
 def _weights(weights: str | Path | np.ndarray | Sequence) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pdvol.errors import MeshError
 from pdvol.meshes import Solid, Surface
+from pdvol.meshing.losses import lost_labels, unread_labels
 from pdvol.meshing.surface_files import QUADRATIC, first_that_reads, indices, triangles_of
 
 if TYPE_CHECKING:
@@ -55,15 +56,18 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
     if tets:
         cells = np.concatenate([np.asarray(mesh.cells[b].data)[:, :4] for b in tets])
         labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
-        return Solid(points, indices(path, cells), labels), notes
+        return Solid(points, indices(path, cells), labels), notes + unread_labels(mesh.cell_data, _LABELS)
     triangles, blocks, rows = triangles_of(mesh)
     if len(triangles) == 0:
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "nothing"
         raise MeshError(f"{path}: holds no tetrahedra and no triangles (only {kinds}); export one of the two")
     triangles = indices(path, triangles)
     if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
-        return Solid(np.ascontiguousarray(points[:, :2]), triangles, _regions(mesh, blocks, rows)), notes
-    return Surface(points, triangles), notes
+        return Solid(
+            np.ascontiguousarray(points[:, :2]), triangles, _regions(mesh, blocks, rows)
+        ), notes + unread_labels(mesh.cell_data, _LABELS)
+    labels = np.unique(_regions(mesh, blocks, rows)).tolist()
+    return Surface(points, triangles), notes + lost_labels(list(map(str, labels if len(labels) > 1 else [])))
 
 
 def _quadratic(count: int) -> list[str]:

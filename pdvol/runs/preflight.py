@@ -93,7 +93,9 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
             meshes = _build_levels(scene, obstacles, result["notes"])
     except InputError as error:
         return {**result, "defects": [f"defect: {error}"]}
-    result["defects"] += [f"defect: {line}" for line in render_defects(scene, meshes)]
+    stopping, lost = render_defects(scene, meshes)
+    result["defects"] += [f"defect: {line}" for line in stopping]
+    result["notes"] += [f"note: {line}" for line in lost]
     result["notes"] += [f"note: {line}" for line in _target_notes(scene, meshes)]
     result["notes"] += [
         f"note: {one.label} lies inside {other.label} at t = 0, where no body can reach it"

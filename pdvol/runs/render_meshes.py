@@ -45,7 +45,7 @@ def bound_render_meshes(scene: Scene, meshes: Sequence[LevelMesh], set_apart: bo
             if meshes[0].dim != 3:
                 raise InputError(f"{name}: a render mesh is a surface, and this scene is 2D; leave it out")
             with stage(f"binding the render mesh of {body.name!r}"):
-                arrays, texture = _read(mesh, body, name)
+                arrays, texture, notes = _read(mesh, body, name)
                 if set_apart:
                     arrays["points"] = _set_apart(scene, meshes, number, arrays["points"])
                 levels = [level.body(number) for level in meshes]
@@ -69,6 +69,7 @@ def bound_render_meshes(scene: Scene, meshes: Sequence[LevelMesh], set_apart: bo
                     "interpolant": mesh.interpolant,
                     "arrays": arrays,
                     "texture": texture,
+                    "notes": notes,
                     "weights": weights,
                 }
             )
@@ -82,18 +83,18 @@ def check_render_files(scene: Scene) -> None:
             _read(mesh, body, f"body {body.name!r}, render mesh")
 
 
-def render_defects(scene: Scene, meshes: Sequence[LevelMesh]) -> list[str]:
-    """What stops a run at its render meshes, in lines."""
+def render_defects(scene: Scene, meshes: Sequence[LevelMesh]) -> tuple[list[str], list[str]]:
+    """What stops a run at its render meshes, and what is worth knowing of their textures, in lines."""
     try:
-        bound_render_meshes(scene, meshes, bool(scene.separate and scene.contact))
+        bound = bound_render_meshes(scene, meshes, bool(scene.separate and scene.contact))
     except InputError as error:
-        return [str(error)]
-    return []
+        return [str(error)], []
+    return [], list(dict.fromkeys(note for entry in bound for note in entry["notes"]))
 
 
-def _read(mesh: RenderMesh, body: Body, name: str) -> tuple[dict[str, np.ndarray], tuple[bytes, str] | None]:
-    """The arrays of a render mesh, placed as its body, and its texture."""
-    surface, picture = read_render_surface(mesh.shape, name)
+def _read(mesh: RenderMesh, body: Body, name: str) -> tuple[dict[str, np.ndarray], tuple[bytes, str] | None, list[str]]:
+    """The arrays of a render mesh, placed as its body, its texture, and what of the file's textures is lost."""
+    surface, picture, lost = read_render_surface(mesh.shape, name)
     points = body.placement(surface.vertices)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     first = coincident(points, COINCIDENT * size) if size else np.zeros(len(points), dtype=np.int64)
@@ -103,13 +104,13 @@ def _read(mesh: RenderMesh, body: Body, name: str) -> tuple[dict[str, np.ndarray
 
         buffer = io.BytesIO()
         Image.fromarray(mesh.texture).save(buffer, "PNG")
-        texture = buffer.getvalue(), ".png"
+        texture, lost = (buffer.getvalue(), ".png"), []
     elif str(mesh.texture) or picture:
-        texture = read_texture(str(mesh.texture) or picture, name)
+        texture, lost = read_texture(str(mesh.texture) or picture, name), [] if str(mesh.texture) else lost
     if texture is not None and not len(surface.uvs):
         raise InputError(f"{name}: a texture needs texture coordinates; give uvs, or an OBJ file with vt lines")
     arrays = {key: getattr(surface, key) for key in ("counts", "corners", "uvs", "uv_corners", "fans")}
-    return {**arrays, "points": points, "first": first}, texture
+    return {**arrays, "points": points, "first": first}, texture, [f"{name}: {line}" for line in lost]
 
 
 def _check_near(points: np.ndarray, body: LevelMesh, name: str) -> None:

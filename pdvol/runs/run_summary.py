@@ -45,6 +45,7 @@ def run_summary(run: Run) -> list[str]:
     lines += [
         f"render mesh of {mesh.name!r}: {len(mesh.points):,} vertices, {mesh.interpolant} weights"
         + (", with a texture" if mesh.texture else "")
+        + "".join(f"; {note}" for note in mesh.notes)
         for mesh in run.render_meshes
     ]
     INTERPOLANTS.check(info["prolongation"])

@@ -35,9 +35,9 @@ class PointCache(Element):
     fps : frames a second; of an array without `times`, of a PC2 file, or instead of the USD file's own. Alembic files
         have times in seconds.
     begin : time [s] of the first frame in the scene
-    faces : triangles (f, 3), or edges (f, 2) in 2D, between the points; or the path of an OBJ file that has the points
-        in the same order. USD and Alembic files have their own. Without faces vertices are matched to points.
-    prim : path of the mesh in a USD or Alembic file; needed where the file has several
+    faces : triangles (f, 3), or edges (f, 2) in 2D, between the points; or the path of a mesh that has the points in
+        the same order (not STL). USD and Alembic files have their own. Without faces vertices are matched to points.
+    prim : path of the mesh in a USD or Alembic file, or of what its meshes lie below; needed where the file has several
     placement : of the points in the scene, at all frames; USD files are in metres before
     tolerance : how far a vertex may be from the animated mesh, as a fraction of the diagonal of its first frame
     """

@@ -277,7 +277,7 @@ class Run:
     @cached_property
     def render_meshes(self) -> tuple[StoredRender, ...]:
         """What is drawn in the place of bodies."""
-        return read_render_meshes(self.path)
+        return read_render_meshes(self.path, len(self.info.get("bodies", ())))
 
     def play(self, width: int = 960, height: int = 640, **choices: Any) -> Any:
         """The run in a player, which a notebook shows; `choices` are those of `pdvol.studio.play.notebook.play`."""

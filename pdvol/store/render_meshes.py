@@ -8,6 +8,7 @@
 | levels/<l>/render_<i>.npz | `data`, `indices`, `indptr` of the weights W of a level: positions are W x |
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 _ARRAYS = ("points", "counts", "corners", "uvs", "uv_corners", "first", "fans")
 _WEIGHTS = ("data", "indices", "indptr")
+_INDICES = {"corners": "points", "uv_corners": "uvs", "first": "points", "fans": "corners"}
+"""Arrays of indices, and what these count."""
+PUT_BACK = "put back the files as pdvol wrote them, or resume the run"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +40,7 @@ class StoredRender:
     name : of the body, with a number where it has several
     interpolant : that carries it
     texture : its picture, None without one
+    notes : what of its file's textures is lost, in lines
     points : (n, 3) at rest, placed [m]
     counts, corners, uvs, uv_corners : as in `pdvol.meshes.RenderSurface`
     first : (n,) the first vertex at the place of each
@@ -47,6 +52,7 @@ class StoredRender:
     name: str
     interpolant: str
     texture: Path | None
+    notes: tuple[str, ...]
     points: np.ndarray
     counts: np.ndarray
     corners: np.ndarray
@@ -69,8 +75,8 @@ class StoredRender:
 def write_render_meshes(folder: Path, entries: Sequence[Mapping[str, Any]]) -> None:
     """Store surfaces; replaces those stored before.
 
-    Each entry has `body`, `name`, `interpolant`, `arrays`, `texture` (bytes and the ending of a name, or None), and
-    `weights`, one sparse matrix a level.
+    Each entry has `body`, `name`, `interpolant`, `notes`, `arrays`, `texture` (bytes and the ending of a name, or None)
+    and `weights`, one sparse matrix a level.
     """
     if not entries and not (folder / "render.json").exists():
         return
@@ -83,19 +89,40 @@ def write_render_meshes(folder: Path, entries: Sequence[Mapping[str, Any]]) -> N
             write_bytes(folder / "render" / texture, data)
         for level, w in enumerate(entry["weights"]):
             write_arrays(_weights_file(folder / "levels" / str(level), i), **{key: getattr(w, key) for key in _WEIGHTS})
-        listed.append({key: entry[key] for key in ("body", "name", "interpolant")} | {"texture": texture})
+        kept = {key: entry[key] for key in ("body", "name", "interpolant")}
+        listed.append({**kept, "texture": texture, "notes": entry.get("notes", ())})
     write_list(folder, "render", listed, [{key: entry["arrays"][key] for key in _ARRAYS} for entry in entries])
 
 
-def read_render_meshes(folder: Path) -> tuple[StoredRender, ...]:
-    """The stored surfaces, none when none were stored; InputError when a file is damaged (the states do not depend on
-    it).
+def read_render_meshes(folder: Path, bodies: int) -> tuple[StoredRender, ...]:
+    """The stored surfaces of a run with so many bodies, none when none were stored.
+
+    Raises
+    ------
+    InputError
+        A file is damaged, a surface is of a body that there is not, or its texture is not its file in the folder
+        (the states do not depend on it).
     """
 
     def made(index: int, entry: dict, arrays: Mapping[str, np.ndarray]) -> StoredRender:
-        texture = folder / "render" / entry["texture"] if entry["texture"] else None
+        body, picture, home = entry["body"], entry["texture"], folder / "render"
+        if not all(isinstance(text, str) for text in (entry["name"], entry["interpolant"], picture)):
+            raise TypeError
+        listed = f"{folder / 'render.json'}: render mesh {index}"
+        if type(body) is not int or not 0 <= body < bodies:
+            raise InputError(f"{listed} is of body {body!r}, and there are {bodies}; {PUT_BACK}")
+        own = not picture or re.fullmatch(rf"{index}\.\w+", picture)
+        if not own or not (home / picture).resolve().is_relative_to(folder.resolve()):
+            raise InputError(f"{listed} has the texture {picture!r}, which is no file of this run; {PUT_BACK}")
+        for key, inner in _INDICES.items():
+            found, end = arrays[key], len(arrays[inner])
+            if found.dtype.kind not in "iu" or (found.size and not 0 <= found.min() <= found.max() < end):
+                raise InputError(f"{home / f'{index}.npz'}: its {key} do not fit its {inner}; {PUT_BACK}")
         kept = (arrays[key] for key in _ARRAYS)
-        return StoredRender(index, entry["body"], entry["name"], entry["interpolant"], texture, *kept)
+        notes = tuple(map(str, entry.get("notes", ())))
+        return StoredRender(
+            index, body, entry["name"], entry["interpolant"], home / picture if picture else None, notes, *kept
+        )
 
     return read_list(folder, "render", made)
 
@@ -104,11 +131,14 @@ def read_render_weights(level_folder: Path, index: int, columns: int) -> "csr_ma
     """W (n, columns) of a level; InputError where it is missing or damaged."""
     try:
         arrays = read_arrays(_weights_file(level_folder, index), _WEIGHTS)
-    except InputError as error:
-        raise InputError(f"{error}; pdvol run SCENE --resume binds the render meshes again") from error
-    from scipy.sparse import csr_matrix  # takes as long to load as all else that reads a run
+        from scipy.sparse import csr_matrix  # takes as long to load as all else that reads a run
 
-    return csr_matrix(tuple(arrays[key] for key in _WEIGHTS), shape=(len(arrays["indptr"]) - 1, columns))
+        weights = csr_matrix(tuple(arrays[key] for key in _WEIGHTS), shape=(len(arrays["indptr"]) - 1, columns))
+        weights.check_format(full_check=True)
+        return weights
+    except ValueError as error:  # also an InputError
+        place = "" if isinstance(error, InputError) else f"{_weights_file(level_folder, index)} is damaged: "
+        raise InputError(f"{place}{error}; pdvol run SCENE --resume binds the render meshes again") from error
 
 
 def _weights_file(level_folder: Path, index: int) -> Path:

@@ -172,9 +172,19 @@ def test_a_usd_mesh_gives_points_in_metres_with_what_moves_above_it(tmp_path, en
     np.testing.assert_allclose(read_frames(PointCache(path, prim="/rig/hand", fps=10.0)).times, [0.0, 1.0, 2.0])
 
 
-@pytest.mark.parametrize(
-    "prim, said", [("", "2 meshes; .*one of /rig/hand, /still"), ("/foot", "no mesh '/foot'"), ("/still", "not move")]
-)
+def test_usd_meshes_that_rest_and_all_below_a_prim(tmp_path):
+    usd(tmp_path / "rig.usda")
+    still = read_frames(PointCache(tmp_path / "rig.usda", prim="/still"))
+    assert still.times.tolist() == [0.0] and still.faces.shape == (3, 3)
+    np.testing.assert_allclose(still.frame(0), 0.01 * FLAT, atol=1e-6)
+    both, hand = (read_frames(PointCache(tmp_path / "rig.usda", prim=prim)) for prim in ("/", "/rig"))
+    np.testing.assert_allclose(both.times, hand.times)
+    for k in range(3):
+        np.testing.assert_allclose(both.frame(k), np.concatenate([hand.frame(k), still.frame(0)]), atol=1e-12)
+    assert both.faces.tolist() == [*hand.faces.tolist(), *(still.faces + 5).tolist()]
+
+
+@pytest.mark.parametrize("prim, said", [("", "2 meshes; .*one of /rig/hand, /still"), ("/foot", "no mesh '/foot'")])
 def test_a_usd_file_without_the_mesh_is_refused(tmp_path, prim, said):
     usd(tmp_path / "rig.usda")
     with pytest.raises(InputError, match=said):

@@ -8,7 +8,7 @@ import pytest
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Solid, Surface
-from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape
+from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape, read_with_notes
 from pdvol.meshing.validate import check_solid, check_surface
 from pdvol.meshing.volume_files import _with_vtk
 
@@ -163,3 +163,40 @@ def test_other_solids_beside_tetrahedra_are_not_left_out(tmp_path, suffix, capfd
     refuse(path, MeshError, "1 of its cells are solids but no tetrahedra", capfd)
     if suffix in (".vtk", ".vtu"):
         assert _with_vtk(path).cells[-1].type == "hexahedron"
+
+
+FACES = "labels of faces left out, for a surface has no regions"
+LINES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n{0} a\nf 1 3 2\nf 1 2 4\n{0} b\nf 2 3 4\nf 1 4 3\n"
+PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "said"),
+    [
+        ("g.obj", LINES.format("g"), [f"{FACES}: 2 (a, b)"]),
+        ("m.obj", LINES.format("usemtl"), [f"{FACES}: 2 (a, b)"]),
+        ("one.obj", LINES.format("g").replace("g b\n", ""), []),
+        (
+            "a.ply",
+            PLY + "property list uchar int vertex_indices\nproperty uchar red\nproperty int label\nend_header\n"
+            "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 9 4\n",
+            [f"{FACES}: 1 (label)"],
+        ),
+        ("s.vtu", ("triangle", SHELL, {"material": [np.array([1, 1, 2, 3])]}), [f"{FACES}: 3 (1, 2, 3)"]),
+        (
+            "t.vtu",
+            ("tetra", TETS, {"tag": [np.array([1, 2])], "size": [np.array([0.1, 0.2])]}),
+            ["cell data that may be regions and is not read, rename it to region: 1 (tag)"],
+        ),
+        ("u.vtu", ("tetra", TETS, {"tag": [np.array([1, 2])], "region": [np.array([2, 1])]}), []),
+        ("v.vtu", ("tetra", TETS, {"tag": [np.array([7, 7])]}), []),
+    ],
+)
+def test_labels_that_are_lost_are_named_with_their_count(tmp_path, name, make, said):
+    path = tmp_path / name
+    if isinstance(make, str):
+        path.write_text(make)
+    else:
+        kind, cells, data = make
+        meshio.Mesh(POINTS, [(kind, cells)], cell_data=data).write(path)
+    assert read_with_notes(path)[1] == said

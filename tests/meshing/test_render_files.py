@@ -30,7 +30,7 @@ f -2/-2 -3/3 -1/-1
 
 def test_polygons_seams_and_relative_numbers(tmp_path):
     (tmp_path / "house.obj").write_text(HOUSE)
-    surface, picture = read_render_surface(tmp_path / "house.obj", "x")
+    surface, picture, _ = read_render_surface(tmp_path / "house.obj", "x")
     assert picture == "" and surface.counts.tolist() == [4, 3]
     assert surface.corners.tolist() == [0, 1, 2, 3, 3, 2, 4]
     assert surface.uv_corners.tolist() == [0, 1, 2, 3, 3, 2, 4]
@@ -40,7 +40,7 @@ def test_polygons_seams_and_relative_numbers(tmp_path):
 
 def test_a_corner_without_a_place_gets_one(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.5\nf 1/1 2 3/1\n")
-    surface, _ = read_render_surface(tmp_path / "a.obj", "x")
+    surface, *_ = read_render_surface(tmp_path / "a.obj", "x")
     assert surface.uv_corners.tolist() == [0, 1, 0] and surface.uvs.tolist() == [[0.5, 0.5], [0.0, 0.0]]
 
 
@@ -56,10 +56,56 @@ def test_the_texture_that_materials_name(tmp_path):
         read_render_surface(tmp_path / "house.obj", "x")
 
 
+ONE = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"
+BESIDE = "; put what is missing beside the file, or give RenderMesh(texture=...)"
+
+
+@pytest.mark.parametrize(
+    ("library", "material", "picture", "lost"),
+    [
+        ("a.mtl", "newmtl a\nmap_Kd red.png\n", "red.png", ""),
+        ("a.mtl", None, "", f"files of materials that are missing: 1 (a.mtl){BESIDE}"),
+        ("a.mtl", "newmtl a\nmap_Kd gone.png\n", "", f"textures that are missing: 1 (gone.png){BESIDE}"),
+        ("a.mtl", "newmtl a\nmap_Kd C:\\art\\RED.png\n", "red.png", ""),
+        ("a.mtl", "newmtl a\nmap_Kd \\\\server\\art\\red.png\n", "red.png", ""),
+        ("a.mtl", "newmtl a\nmap_Kd /home/somebody/my wall.png\n", "my wall.png", ""),
+        ("a.mtl", "newmtl a\nmap_Kd -o 0 0 0 -s 2 2 1 -clamp on my wall.png\n", "my wall.png", ""),
+        ("a.mtl", "newmtl a\nmap_Kd -bm 1.0 D:/b c/my wall.png\n", "my wall.png", ""),
+        ("C:\\exports\\a.mtl", "newmtl a\nmap_Kd red.png\n", "red.png", ""),
+        ("a.mtl", "newmtl b\nmap_Kd red.png\n", "", f"materials that no file has: 1 (a){BESIDE}"),
+        ("a.mtl", "newmtl a\nmap_Kd\n", "", f"textures that are missing: 1 (map_Kd without a name){BESIDE}"),
+        (
+            "a.mtl",
+            "newmtl a\nmap_Kd red.png\nmap_Bump n.png\nmap_d red.png\nnewmtl b\nmap_Ks s.png\n",
+            "red.png",
+            "textures of other kinds left out: 2 (map_Bump n.png, map_d red.png)",
+        ),
+    ],
+)
+def test_textures_are_found_beside_the_file_and_named_where_they_are_lost(tmp_path, library, material, picture, lost):
+    for name in ("red.png", "my wall.png"):
+        (tmp_path / name).write_bytes(b"\x89PNG")
+    (tmp_path / "s.obj").write_text(ONE.format(library))
+    if material is not None:
+        (tmp_path / "a.mtl").write_text(material)
+    _, found, lines = read_render_surface(tmp_path / "s.obj", "x")
+    assert found == (str(tmp_path / picture) if picture else "")
+    assert lines == ([f"{tmp_path / 's.obj'}: {lost}"] if lost else [])
+
+
+def test_what_a_ply_file_has_of_textures_is_named(tmp_path):
+    head = "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 3\n"
+    head += "".join(f"property float {name}\n" for name in "xyzst") + "property uchar red\n"
+    rows = "0 0 0 0 0 9\n1 0 0 0 0 9\n0 1 0 0 0 9\n3 0 1 2\n"
+    (tmp_path / "s.ply").write_text(f"{head}element face 1\nproperty list uchar int vertex_indices\nend_header\n{rows}")
+    line = f"{tmp_path / 's.ply'}: of a PLY file not read, export OBJ: 3 (skin.png, texture coordinates, colours)"
+    assert read_render_surface(tmp_path / "s.ply", "x")[1:] == ("", [line])
+
+
 def test_other_files_have_no_places(tmp_path):
     ball = trimesh.creation.icosphere(2)
     ball.export(tmp_path / "ball.ply")
-    surface, _ = read_render_surface(tmp_path / "ball.ply", "x")
+    surface, *_ = read_render_surface(tmp_path / "ball.ply", "x")
     assert len(surface.vertices) == len(ball.vertices) and len(surface.uvs) == 0
     np.testing.assert_array_equal(surface.triangles, ball.faces)
 

@@ -1,12 +1,18 @@
 """Parts of bodies that weights of a surface mark: by hand on a box, on all levels, in a description of the scene."""
 
+import struct
+
+import meshio
 import numpy as np
 import pytest
+import trimesh
 
 import pdvol
-from pdvol import Barrier, Body, Gravity, NeoHookean, Region, Scene, Support, VertexGroup, meshes
+from pdvol import Barrier, Body, Gravity, NeoHookean, PointCache, Region, Scene, Support, VertexGroup, meshes
 from pdvol.errors import InputError
 from pdvol.levels.materials import cell_materials
+from pdvol.meshing.point_caches import read_frames
+from pdvol.meshing.readers import read_shape
 from pdvol.scene.fingerprint import describe, differences
 
 BOX = meshes.box((1.0, 2.0, 3.0))
@@ -63,6 +69,51 @@ def test_files_say_the_same_and_are_part_of_the_scene(tmp_path):
     ]
 
 
+def ply(path, form, vertex="", values=(), face="", more=()):
+    """BOX as a PLY file of a form (">" and "<" are binary), with more properties at vertices and faces."""
+    kinds = {"B": "uchar", "i": "int", "f": "float", "d": "double"}
+    names = {">": "binary_big_endian", "<": "binary_little_endian", "a": "ascii"}
+    lines = ["ply", f"format {names[form]} 1.0", f"element vertex {len(BOX.vertices)}"]
+    lines += [f"property double {axis}" for axis in "xyz"]
+    lines += [f"property {kinds[kind]} {name}" for kind, name in zip(vertex, values, strict=True)]
+    lines += [f"element face {len(BOX.triangles)}", "property list uchar int vertex_indices", *more, "end_header", ""]
+    rows = [("ddd" + vertex, (*point, *range(len(vertex)))) for point in BOX.vertices.tolist()]
+    rows += [("Biii" + face, (3, *t, *(face[:1] == "B") * [6], *range(k, k + 6))) for k, t in enumerate(BOX.triangles)]
+    rows = [(kinds, numbers[: len(kinds)]) for kinds, numbers in rows]
+    if form == "a":
+        data = "".join(" ".join(map(str, numbers)) + "\n" for _, numbers in rows).encode()
+    else:
+        data = b"".join(struct.pack(form + kinds, *numbers) for kinds, numbers in rows)
+    path.write_bytes("\n".join(lines).encode() + data)
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda path: ply(path, "a"),
+        lambda path: ply(path, "<", "BBB", ("red", "green", "blue"), "i", ("property int label",)),
+        lambda path: ply(path, ">", "ff", ("s", "t")),
+        lambda path: ply(path, "<", face="Bffffff", more=("property list uchar float texcoord",)),
+        lambda path: trimesh.Trimesh(BOX.vertices, BOX.triangles, process=False).export(path.with_suffix(".off")),
+        lambda path: meshio.Mesh(BOX.vertices, [("triangle", BOX.triangles)]).write(path.with_suffix(".vtu")),
+        lambda path: meshio.Mesh(
+            np.append(BOX.vertices, [[0, 0, 0]], axis=0),
+            [("tetra", np.column_stack([BOX.triangles, np.full(len(BOX.triangles), len(BOX.vertices))]))],
+        ).write(path.with_suffix(".vtu")),
+    ],
+    ids=["ascii", "colours", "big-endian", "seams", "off", "vtu", "tetrahedra"],
+)
+def test_a_surface_of_any_kind_keeps_the_order_of_its_vertices(tmp_path, write):
+    """Weights, and the points of a cache, belong to vertices by their number."""
+    write(tmp_path / "box.ply")
+    (path,) = tmp_path.iterdir()
+    weights = np.append(TOP, np.zeros(len(read_shape(path).vertices) - len(TOP)))
+    X = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 3))
+    assert np.array_equal(VertexGroup(path, weights)(X), VertexGroup(BOX, TOP.astype(float))(X))
+    faces = read_frames(PointCache(np.zeros((2, len(weights), 3)), fps=24.0, faces=path)).faces
+    assert {frozenset(t) for t in faces.tolist()} == {frozenset(t) for t in BOX.triangles.tolist()}
+
+
 def test_a_pinned_and_a_stiff_part_are_the_same_on_all_levels(tmp_path):
     """A bar hangs by its end; its other end is a hundred times as stiff."""
     bar = meshes.box((1.0, 0.2, 0.2), (10, 2, 2))
@@ -107,13 +158,16 @@ def test_weights_that_do_not_fit_are_refused(weights, said):
 def test_files_that_cannot_be_read_are_refused(tmp_path):
     surface, weights = saved(tmp_path, BOX, TOP.astype(float))
     X = np.zeros((1, 3))
-    with pytest.raises(InputError, match="no such file; check VertexGroup.surface"):
+    with pytest.raises(InputError, match="^VertexGroup.surface: .*none.obj: there is no such file"):
         VertexGroup(tmp_path / "none.obj", weights)(X)
+    trimesh.Trimesh(BOX.vertices, BOX.triangles).export(tmp_path / "box.stl")
+    with pytest.raises(InputError, match="^VertexGroup.surface: .*STL files do not number their vertices; export OBJ"):
+        VertexGroup(tmp_path / "box.stl", weights)(X)
     with pytest.raises(InputError, match="no such file; check VertexGroup.weights"):
         VertexGroup(surface, tmp_path / "none.txt")(X)
     weights.write_text("1 2 three")
     with pytest.raises(InputError, match="write one number on a line"):
         VertexGroup(surface, weights)(X)
     surface.write_text("v 0 0 0\nf 1 2\n")
-    with pytest.raises(InputError, match="export the OBJ again"):
+    with pytest.raises(InputError, match="^VertexGroup.surface: .*face 'f 1 2' has no three corners.*; export"):
         VertexGroup(surface, weights)(X)

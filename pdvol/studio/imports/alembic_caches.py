@@ -1,69 +1,89 @@
-"""Reads the animated meshes of Alembic files: points, and the places of what they hang on.
+"""Alembic files: meshes, and the places of what they hang on.
 
 Positions and places may be sampled at times of their own. Between samples both are interpolated evenly. Alembic has no
 units, and corners go clockwise around a face as seen from outside.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.meshing.readers import read_in_child_process
-from pdvol.studio.imports.animated_meshes import AnimatedMesh, chosen_mesh, require_same_count, require_samples
+from pdvol.meshing.losses import counted
 
+NO_MESHES = (["Points"], ["Curve"], ["NuPatch"])  # kinds of shapes that are no meshes
 TIME_DIGITS = 9  # of times in seconds: samples of two objects at the same time may differ by rounding
 
 
-def read_alembic(path: Path, prim: str = "") -> tuple[AnimatedMesh, str]:
-    """The mesh that `prim` names by its place in the file, or the only one, and how messages name it.
+class AlembicFile:
+    """An open Alembic file, a `SceneFile`. Times are in seconds."""
 
-    Raises
-    ------
-    InputError
-        The file is damaged, has no such mesh, or its points do not move or change in number; alembic3d is missing.
-    """
-    try:
-        import alembic3d.AbcGeom  # noqa: F401
-    except ImportError as error:
-        raise InputError(
-            "Alembic files need the package alembic3d: pip install alembic3d, or pdvol[alembic]; export PC2 otherwise"
-        ) from error
-    found = read_in_child_process(path, _read, prim)
-    where = f"{path}: the mesh {found['name']}"
-    tracks = [(found[f"times_{i}"], found[f"track_{i}"]) for i in range(int(found["tracks"]))]
-    moving = [times.round(TIME_DIGITS) for times, _ in tracks if len(times) > 1]
-    times = np.unique(np.concatenate(moving)) if moving else np.zeros(0)
-    stored, places = tracks[0], tracks[1:]
-    require_samples(where, stored[1].shape[1], times)
-    points = np.empty((len(times), stored[1].shape[1], 3))
-    for k, time in enumerate(times):
+    unit, rate = "{:g} s", 1.0
+
+    def __init__(self, path: Path):
+        from alembic3d.Abc import IArchive
+
+        self._path, self._archive = path, IArchive(str(path))  # its objects do not keep it
+        everything = list(_things(self._archive.getTop()))
+        self._meshes = {thing.getFullName(): (thing, kind) for thing in everything if (kind := _mesh(thing))}
+        others = ((thing.getMetaData().get("schema").split("_"), thing.getFullName()) for thing in everything)
+        left = [f"{schema[1]} {name}" for schema, name in others if schema[1:2] in NO_MESHES]
+        self.lost = counted("shapes left out, which are no meshes", left)
+        self.names = list(self._meshes)
+        self._read: dict[str, list[tuple[np.ndarray, Any]]] = {}
+
+    def _schema(self, name: str) -> Any:
+        thing, kind = self._meshes[name]
+        return kind(thing.getParent(), thing.getName()).getSchema()
+
+    def _tracks(self, name: str) -> list[tuple[np.ndarray, Any]]:
+        """Times (k,) [s] and values of a mesh's points, then of the matrices of what it hangs on, the nearest first."""
+        if name not in self._read:
+            positions = self._schema(name).getPositionsProperty()
+            times = _times(positions, 1 if positions.isConstant() else positions.getNumSamples())
+            samples = [np.array(memoryview(positions.getValue(i))).reshape(-1, 3) for i in range(len(times))]
+            if not samples:
+                raise InputError(f"{self._path}: the mesh {name} has no points")
+            self._read[name] = [(times, samples), *_places(self._meshes[name][0])]
+        return self._read[name]
+
+    def drawn(self, name: str) -> bool:
+        """Whether neither it nor what it hangs on is hidden."""
+        from alembic3d.Abc import ISampleSelector
+        from alembic3d.AbcGeom import IsAncestorInvisible
+
+        return not IsAncestorInvisible(self._meshes[name][0], ISampleSelector(0))
+
+    def times(self, name: str) -> Iterable[float]:
+        """In seconds."""
+        moving = [times for times, _ in self._tracks(name) if len(times) > 1]
+        return set(np.concatenate(moving).tolist()) if moving else ()
+
+    def points(self, name: str, time: float | None) -> np.ndarray:
+        """Lengths count as metres."""
+        matrix = self._matrix(name, time)
+        return _between(*self._tracks(name)[0], time) @ matrix[:3, :3] + matrix[3, :3]
+
+    def _matrix(self, name: str, time: float | None) -> np.ndarray:
         matrix = np.eye(4)
-        for place in places:
+        for place in self._tracks(name)[1:]:
             matrix = matrix @ _between(*place, time)
-        points[k] = _between(*stored, time) @ matrix[:3, :3] + matrix[3, :3]
-    return AnimatedMesh(times, points, found["counts"], found["corners"]), where
+        return matrix
 
+    def faces(self, name: str) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Of a mirrored mesh the corners go the other way round."""
+        schema = self._schema(name)
+        counts, corners = (
+            np.array(memoryview(found.getValue(0)), dtype=np.int64)
+            for found in (schema.getFaceCountsProperty(), schema.getFaceIndicesProperty())
+        )
+        return counts, corners, bool(np.linalg.det(self._matrix(name, None)[:3, :3]) >= 0.0)
 
-def _read(path: Path, prim: str) -> dict[str, np.ndarray]:
-    """Faces and tracks of a mesh: times (k,) [s] and values (k, ...) of its points, then of the matrices of what it
-    hangs on, the nearest first.
-    """
-    from alembic3d.Abc import IArchive
-
-    try:
-        archive = IArchive(str(path))
-        meshes = {thing.getFullName(): (thing, kind) for thing in _things(archive.getTop()) if (kind := _mesh(thing))}
-        names = list(meshes)
-        name = names[chosen_mesh(path, names, prim)]
-        return {"name": np.array(name), **_samples(*meshes[name], f"{path}: the mesh {name}")}
-    except (RuntimeError, ValueError, IndexError) as error:
-        if isinstance(error, InputError):
-            raise
-        reason = " ".join(str(error).split())[:80]
-        raise InputError(f"{path}: unreadable as Alembic ({reason}); export it again") from error
+    def groups(self, name: str) -> Iterable[str]:
+        """Sets of faces."""
+        return [str(group) for group in self._schema(name).getFaceSetNames()]
 
 
 def _things(top: Any) -> Iterator[Any]:
@@ -80,27 +100,6 @@ def _mesh(thing: Any) -> Any:
     from alembic3d.AbcGeom import IPolyMesh, ISubD
 
     return next((kind for kind in (IPolyMesh, ISubD) if kind.matches(thing.getHeader())), None)
-
-
-def _samples(thing: Any, kind: Any, where: str) -> dict[str, np.ndarray]:
-    schema = kind(thing.getParent(), thing.getName()).getSchema()
-    positions = schema.getPositionsProperty()
-    times = _times(positions, 1 if positions.isConstant() else positions.getNumSamples())
-    first = len(positions.getValue(0)) if positions.getNumSamples() else 0
-    points = np.empty((len(times), first, 3), dtype=np.float32)
-    for number, time in enumerate(times):
-        local = np.array(memoryview(positions.getValue(number))).reshape(-1, 3)
-        require_same_count(where, len(local), first, f"{time:g} s")
-        points[number] = local
-    counts = np.array(memoryview(schema.getFaceCountsProperty().getValue(0)), dtype=np.int64)
-    corners = np.array(memoryview(schema.getFaceIndicesProperty().getValue(0)), dtype=np.int64)
-    if corners.size == counts.sum() and (counts >= 0).all():
-        corners = np.concatenate([part[::-1] for part in np.split(corners, np.cumsum(counts)[:-1])])
-    found = {"counts": counts, "corners": corners}
-    tracks = [(times, points), *_places(thing)]
-    for i, (at, values) in enumerate(tracks):
-        found |= {f"times_{i}": at, f"track_{i}": values}
-    return {**found, "tracks": np.array(len(tracks))}
 
 
 def _places(thing: Any) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -122,15 +121,17 @@ def _places(thing: Any) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _times(sampled: Any, count: int) -> np.ndarray:
-    """(count,) [s]: when a property or a schema is sampled."""
+    """(count,) [s]: when a property or a schema is sampled, rounded."""
     sampling = sampled.getTimeSampling()
-    return np.array([sampling.getSampleTime(number) for number in range(count)])
+    return np.array([sampling.getSampleTime(number) for number in range(count)]).round(TIME_DIGITS)
 
 
-def _between(times: np.ndarray, values: np.ndarray, time: float) -> np.ndarray:
-    """One of the values at `times`, or what lies evenly between two; the first and the last hold on."""
-    k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 1))
-    if k == len(times) - 1 or time <= times[k]:
+def _between(times: np.ndarray, values: Any, time: float | None) -> np.ndarray:
+    """One of the values at `times`, or what lies evenly between two of one size; the first and the last hold on, and
+    the first is that of no time.
+    """
+    k = 0 if time is None else int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 1))
+    if k == len(times) - 1 or time is None or time <= times[k] or len(values[k]) != len(values[k + 1]):
         return values[k]
     fraction = (time - times[k]) / (times[k + 1] - times[k])
     return (1.0 - fraction) * values[k] + fraction * values[k + 1]

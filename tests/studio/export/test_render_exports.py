@@ -190,6 +190,73 @@ def test_damaged_files_are_named(stored, tmp_path):
         export_run(tmp_path / "copy", "obj", tmp_path / "out")
 
 
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ({"texture": "../../secret.png"}, "has the texture '../../secret.png', which is no file of this run"),
+        ({"texture": "/etc/passwd"}, "has the texture '/etc/passwd', which is no file of this run"),
+        ({"texture": ".."}, "no file of this run"),
+        ({"texture": "1.png"}, "no file of this run"),
+        ({"texture": "0.link"}, "has the texture '0.link', which is no file of this run"),
+        ({"texture": ["0.png"]}, "is no list of render meshes"),
+        ({"name": 5}, "is no list of render meshes"),
+        ({"body": 99}, "render mesh 0 is of body 99, and there are 2"),
+        ({"body": -1}, "is of body -1"),
+        ({"body": True}, "is of body True"),
+        ({"body": "0"}, "is of body '0'"),
+    ],
+)
+def test_a_stored_list_names_bodies_and_files_of_its_run(stored, tmp_path, entry, said):
+    copy_run(stored, tmp_path / "copy")
+    listed = json.loads((stored / "render.json").read_text())["render"]
+    (tmp_path / "secret.png").write_bytes(b"\x89PNG secret")
+    (tmp_path / "copy" / "render" / "0.link").symlink_to(tmp_path / "secret.png")
+    (tmp_path / "copy" / "render.json").write_text(json.dumps({"render": [{**listed[0], **entry}, *listed[1:]]}))
+    with pytest.raises(InputError, match=said) as error:
+        export_run(tmp_path / "copy", "obj", tmp_path / "out")
+    assert "\n" not in str(error.value)
+    assert not any(b"secret" in file.read_bytes() for file in tmp_path.glob("out/**/*") if file.is_file())
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "said"),
+    [
+        ("render/0.npz", "corners", "its corners do not fit its points"),
+        ("render/0.npz", "uv_corners", "its uv_corners do not fit its uvs"),
+        ("render/0.npz", "fans", "its fans do not fit its corners"),
+        ("render/0.npz", "first", "its first do not fit its points"),
+        ("levels/0/render_0.npz", "indices", "render_0.npz is damaged: .*--resume binds the render meshes again"),
+        ("levels/0/render_0.npz", "indptr", "render_0.npz is damaged: .*--resume binds the render meshes again"),
+    ],
+)
+def test_stored_indices_fit_what_they_count(stored, tmp_path, file, name, said):
+    copy_run(stored, tmp_path / "copy")
+    with np.load(tmp_path / "copy" / file) as archive:
+        arrays = dict(archive)
+    arrays[name].ravel()[-1] += 10**6
+    np.savez(tmp_path / "copy" / file, **arrays)
+    with pytest.raises(InputError, match=said):
+        export_run(tmp_path / "copy", "obj", tmp_path / "out")
+
+
+def test_textures_that_are_lost_are_named_by_check_run_and_info(tmp_path, capfd):
+    file, shape = tmp_path / "scene.py", tmp_path / "fine.obj"
+    shape.write_text("mtllib fine.mtl\nv 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n")
+    (tmp_path / "fine.mtl").write_text("newmtl a\nmap_Kd C:\\art\\skin.png\n")
+    file.write_text(SCENE.replace("{file}", str(shape)))
+    line = f"body 'cube', render mesh: {shape}: textures that are missing: 1 (skin.png); put what is missing beside"
+    assert command(["check", str(file), "--measure", "0"]) == 0
+    assert f"note: {line}" in capfd.readouterr().out
+    assert command(["run", str(file), "--out", str(tmp_path / "run"), "--no-picture", "--no-xdmf"]) == 0
+    assert f"note: {line}" in capfd.readouterr().err
+    assert command(["info", str(tmp_path / "run")]) == 0
+    assert f"weights; {line}" in capfd.readouterr().out
+    Image.new("RGB", (2, 2)).save(tmp_path / "Skin.PNG")
+    assert command(["run", str(file), "--out", str(tmp_path / "run"), "--no-picture", "--no-xdmf", "--resume"]) == 0
+    assert "missing" not in capfd.readouterr().err
+    assert open_run(tmp_path / "run").render_meshes[0].texture.read_bytes() == (tmp_path / "Skin.PNG").read_bytes()
+
+
 def test_bodies_that_are_set_apart_take_their_render_meshes_along(tmp_path):
     """Two boxes overlap by 0.1; both are moved. The render mesh stays where it was on its body."""
     from pdvol import Barrier
