@@ -19,21 +19,8 @@ KINDS = {
     ".msh": "a Gmsh",
     ".vtk": "a legacy VTK",
     ".vtu": "a VTU",
-    ".vtp": "a VTP",
-    ".pvtu": "a PVTU",
-    ".pvtp": "a PVTP",
-    ".pvd": "a PVD",
-    ".vtm": "a VTM",
     ".mesh": "a Medit",
     ".xdmf": "an XDMF",
-}
-_VTK_TYPES = {
-    b"UnstructuredGrid": ".vtu",
-    b"PolyData": ".vtp",
-    b"PUnstructuredGrid": ".pvtu",
-    b"PPolyData": ".pvtp",
-    b"Collection": ".pvd",
-    b"vtkMultiBlockDataSet": ".vtm",
 }
 _COUNTS = {
     ".ply": rb"element\s+\w+\s+(-\d+)",
@@ -105,8 +92,10 @@ def _kind(text: bytes, start: bytes, size: int) -> str:
     if text[:5].lower() == b"solid" and re.search(rb"facet|endsolid", text, re.IGNORECASE):
         return ".stl"
     if text.startswith((b"<?xml", b"<VTKFile", b"<Xdmf")):
-        found = re.search(rb"<VTKFile[^>]*\stype=[\"'](\w+)", text)
-        return _VTK_TYPES.get(found.group(1), "") if found else ".xdmf" if b"<Xdmf" in text else ""
+        found = re.search(rb"<VTKFile[^>]*\stype=.(\w+)", text)
+        return (
+            (".vtu" if found.group(1) == b"UnstructuredGrid" else "") if found else ".xdmf" if b"<Xdmf" in text else ""
+        )
     beginnings = {
         ".ply": (b"ply\n", b"ply\r"),
         ".off": (b"OFF", b"COFF", b"NOFF"),

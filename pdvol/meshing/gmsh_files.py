@@ -30,12 +30,12 @@ def read_gmsh(path: Path) -> "meshio.Mesh":
     if second and not count:  # whose cells have groups each; Gmsh takes all of one entity together
         with contextlib.suppress(Exception, SystemExit):
             return meshio.read(path)
-    stem, _, number = path.stem.rpartition("_")
-    if len(partitions) == 1 and number == str(*partitions):
-        last = count
-        while path.with_stem(f"{stem}_{last + 1}").is_file():
+    if len(partitions) == 1:
+        (number,) = partitions
+        stem, last = path.stem.removesuffix(f"_{number}"), max(count, number)
+        while stem != path.stem and path.with_stem(f"{stem}_{last + 1}").is_file():
             last += 1
-        others = [path.with_stem(f"{stem}_{k}") for k in range(1, last + 1) if k != int(number)]
+        others = [path.with_stem(f"{stem}_{k}") for k in range(1, last + 1) if k != number]
         missing = ", ".join(other.name for other in others if not other.is_file())
         if missing:
             raise MeshError(

@@ -24,7 +24,7 @@ from pdvol.meshing.surface_files import SURFACES, read_surface
 from pdvol.meshing.volume_files import PAIR, VOLUMES, VTK_ONLY, read_pair, read_volume
 from pdvol.meshing.weld import weld_open
 
-LOADS = {".ply": "trimesh", **dict.fromkeys(VOLUMES, "meshio"), ".msh": "gmsh", **dict.fromkeys(VTK_ONLY, "pyvista")}
+LOADS = {".ply": "trimesh", **dict.fromkeys(VOLUMES, "meshio"), **dict.fromkeys(VTK_ONLY, "pyvista")}
 """The library that reads a kind of file: its loading does not count as reading."""
 MARK_IN_THE_WAY = (".ply", ".off", ".stl", ".msh", ".vtk", ".vtu", ".mesh")  # of a byte-order mark: others skip it
 BASE_SECONDS = 6.0  # limit on processor time [s] for a file of no size: leaves time to load a second library

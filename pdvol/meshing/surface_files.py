@@ -201,12 +201,12 @@ def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
         corners = np.frombuffer(data, row, int.from_bytes(data[80:84], "little"), 84)["corners"].astype(np.float64)
     else:
         text = data.decode("utf-8-sig", "replace").lower()
-        found = re.findall(r"\bvertex[ \t]+([^\r\n]*)", text)
+        found = re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text)
         facets, ends = len(re.findall(r"\bfacet\b", text)), len(re.findall(r"\bendfacet\b", text))
         if not len(found) == 3 * facets == 3 * ends:
             raise ValueError(f"{facets} facets begin, {ends} end, with {len(found)} corners")
         # A comma is the sign of decimals, or stands between two numbers.
-        rows = [re.sub(r",(?=\s|$)", " ", row).replace(",", ".").split()[:3] for row in found]
+        rows = [[word.rstrip(",;").replace(",", ".") for word in row] for row in found]
         corners = np.array(rows, dtype=np.float64)
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return points, index.reshape(-1, 3)

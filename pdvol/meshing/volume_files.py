@@ -137,6 +137,10 @@ def _with_vtk(path: Path) -> "meshio.Mesh":
     """Of a time series the first step. Pieces are joined where their points are exactly the same."""
     import pyvista
 
+    others = re.findall(r"\b(?:Source|file)=\"([^\"]+)", path.read_text(errors="replace")) if _collects(path) else []
+    missing = next((other for other in others if not (path.parent / other).is_file()), "")
+    if missing:
+        raise MeshError(f"{path}: there is no {missing} beside it, with its data; keep the files together")
     found, notes = pyvista.read(path), []
     if path.suffix.lower() == ".pvd" and (steps := len(set(pyvista.get_reader(path).time_values))) > 1:
         notes = [f"the first of its {steps} steps is read"]
@@ -149,15 +153,16 @@ def _with_vtk(path: Path) -> "meshio.Mesh":
             grid = grid.extract_geometry().triangulate()
     mesh = pyvista.to_meshio(grid)
     mesh.info = notes
-    return _joined(mesh) if path.suffix.lower() in (".pvtu", ".pvd", ".vtm") else mesh
-
-
-def _joined(mesh: "meshio.Mesh") -> "meshio.Mesh":
-    """Pieces that have points of their own, joined where these are exactly the same."""
-    first = coincident(np.asarray(mesh.points), 0.0)
-    for block in mesh.cells:
-        block.data = first[block.data]
+    if _collects(path):
+        first = coincident(np.asarray(mesh.points), 0.0)
+        for block in mesh.cells:
+            block.data = first[block.data]
     return mesh
+
+
+def _collects(path: Path) -> bool:
+    """Whether the data are in other files."""
+    return path.suffix.lower() in (".pvtu", ".pvd", ".vtm")
 
 
 def read_pair(path: Path) -> tuple[Solid, list[str]]:

@@ -54,11 +54,15 @@ def _read_grid(path: Path, grid: Element, whole: Element) -> "meshio.Mesh":
     parts += [one for one in grid.findall("Attribute") if one.get("Center") == "Cell"]
     alone = Element("Xdmf")
     SubElement(SubElement(alone, "Domain"), "Grid").extend(deepcopy(parts))
+    kinds = {kind.lower(): kind for kind in (*xdmf_to_meshio_type, "Mixed")}
     for topology in alone.iter("Topology"):
-        kind = topology.get("TopologyType") or topology.get("Type", "")
-        if kind != "Mixed" and kind not in xdmf_to_meshio_type:
-            raise ValueError(f"cells of the type {kind!r}")
+        kind = topology.attrib.pop("Type", "") or topology.get("TopologyType", "")
+        if kind.lower() not in kinds:
+            raise ValueError(f"cells of the type {kind!r} are not read")
+        topology.set("TopologyType", kinds[kind.lower()])
     for item in alone.iter("DataItem"):
+        if "Reference" in item.attrib:
+            raise ValueError("data items that refer to others are not read")
         item.attrib.setdefault("Format", "XML")
         other = (item.text or "").strip().split(":")[0]
         if item.get("Format") == "HDF" and not (path.parent / other).is_file():

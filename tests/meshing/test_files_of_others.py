@@ -145,6 +145,9 @@ def test_partitioned_gmsh(tmp_path, boxes, version, ghosts, groups, capfd):
         (tmp_path / "part_3.msh").unlink()
         with pytest.raises(MeshError, match=r"part 2 of a mesh that Gmsh has partitioned, without part_3\.msh beside"):
             read_shape(tmp_path / "part_2.msh")
+        (tmp_path / "part_2.msh").rename(tmp_path / "other.msh")
+        with pytest.raises(MeshError, match="part 2 of a mesh that Gmsh has partitioned"):
+            read_shape(tmp_path / "other.msh")
 
 
 def test_gmsh_runs_nothing(tmp_path, boxes):
@@ -200,6 +203,8 @@ READ = {
     "both.stl": stl_text().upper().replace(".", ",").replace("\n", "\r\n").encode(),
     "between.stl": stl_text().replace(" 0", ", 0").replace("vertex,", "vertex").encode(),
     "returns.stl": stl_text().replace("\n", "\r").encode(),
+    "semicolons.stl": stl_text().replace("\n", ";\n").encode(),
+    "one_line.stl": stl_text().replace("\n", " ").encode(),
     "more.stl": stl_text().encode() + b"\n; made by a program\n",
     "face.obj": with_comments("", " # one"),
     "tight.obj": with_comments("#a b", "#1/2 x"),
@@ -311,6 +316,13 @@ def test_files_of_dolfinx(dolfinx_files, name, regions, notes):
     solid, found = read_with_notes(dolfinx_files / name)
     assert isinstance(solid, Solid) and labels(solid) == regions and found == notes
     check_solid(solid)
+
+
+@pytest.mark.parametrize("name", ["cube.pvd", "cube000000.pvtu"])
+def test_collections_without_their_files(dolfinx_files, tmp_path, name):
+    shutil.copy(dolfinx_files / name, tmp_path / name)
+    with pytest.raises(MeshError, match=r"there is no cube\w+\.\w+ beside it, with its data; keep the files together"):
+        read_shape(tmp_path / name)
 
 
 STEP = (
@@ -478,12 +490,6 @@ def test_a_file_under_another_name_is_read_after_it_is_renamed(tmp_path):
         with pytest.raises(MeshError, match="rename it to ") as caught:
             read_shape(tmp_path / name)
         check_surface(read_shape((tmp_path / name).rename(tmp_path / str(caught.value).split("rename it to ")[1])))
-    for name, data in {"a.vtu": SPHERE, "b.vtp": grid(10, TETS), "c.vtk": SPHERE}.items():
-        data.save(tmp_path / ("a.vtp" if name != "b.vtp" else "b.vtu"))
-        (tmp_path / ("a.vtp" if name != "b.vtp" else "b.vtu")).rename(tmp_path / name)
-        with pytest.raises(MeshError, match="rename it to ") as caught:
-            read_shape(tmp_path / name)
-        read_shape((tmp_path / name).rename(tmp_path / str(caught.value).split("rename it to ")[1]))
 
 
 # ---- damaged files
