@@ -32,20 +32,22 @@ _COUNTS = {
 }
 """Where a count is negative, by the ending of the name."""
 CONVERTERS = {
-    (".glb", ".gltf", ".fbx", ".3ds", ".dae", ".3mf", ".blend"): "assimp export {path} {stem}.obj",
+    (".fbx", ".3ds", ".dae", ".3mf"): "assimp export {path} {stem}.obj",
+    (".glb", ".gltf"): "python -c \"import trimesh; trimesh.load('{path}', force='mesh').export('{stem}.obj')\"",
     (".step", ".stp", ".iges", ".igs", ".brep", ".geo"): "gmsh -3 {path} -format msh22 -o {stem}.msh",
-    (
-        ".inp", ".bdf", ".fem", ".nas", ".cgns", ".e", ".exo", ".ex2", ".f3grid", ".h5m", ".med", ".avs", ".su2",
-        ".ugrid", ".wkt", ".post", ".dat", ".xml",
-    ): "meshio convert {path} {stem}.vtu",
-    (".vtp", ".vtm", ".vtkhdf", ".pvtu"): "meshio convert, or ParaView's File > Save Data, to {stem}.vtu",
+    (".bdf", ".nas", ".med", ".unv", ".cgns"): "gmsh {path} -save -format msh22 -o {stem}.msh",
+    (".inp", ".fem", ".f3grid", ".h5m", ".avs", ".su2", ".post", ".dat", ".tec", ".xml"):
+        "meshio convert {path} {stem}.vtu",
 }  # fmt: skip
 """Command lines that turn files of other kinds into ones that are read."""
 
 
 def converter(path: Path) -> str:
     """How to convert a file that is not read, as an ending of a message; empty where nothing is known."""
-    line = next((line for endings, line in CONVERTERS.items() if path.suffix.lower() in endings), "")
+    suffix = path.suffix.lower()
+    if suffix in (".bdf", ".nas") and path.is_file() and b"BEGIN BULK" in path.read_bytes():
+        suffix = ".inp"  # Gmsh writes and reads Nastran's decks without this line, meshio those with it
+    line = next((line for endings, line in CONVERTERS.items() if suffix in endings), "")
     return f"; convert it: {line.format(path=path.name, stem=path.stem)}" if line else ""
 
 
@@ -57,18 +59,13 @@ def check_kind(path: Path) -> None:
     if start[:2] in (b"\xff\xfe", b"\xfe\xff") or _is_wide(start):
         raise MeshError(f"{path}: text in UTF-16; export the mesh again, or save the file as UTF-8")
     kind = _kind(start.removeprefix(BYTE_ORDER_MARK).lstrip(), start, size)
-    if kind == suffix == ".msh" and start.lstrip().startswith(b"$NOD"):
-        raise MeshError(
-            f"{path}: of Gmsh's first format, which is not read; convert it: gmsh {path.name} -save -format msh22 -o"
-            f" {path.stem}_2.msh"
-        )
     if kind == suffix == ".off" and b"BINARY" in start.split(b"\n", 1)[0]:
         raise MeshError(f"{path}: a binary OFF file, which is not read; export the mesh as text, or as PLY")
     if kind and kind != suffix:
         raise MeshError(
             f"{path}: {KINDS[kind]} file under the name of {KINDS[suffix]} one; rename it to {path.stem}{kind}"
         )
-    if suffix == ".stl" and kind != ".stl" and size >= 84:
+    if suffix == ".stl" and kind != ".stl" and size >= 84 and bytes_after_stl(path) is None:
         promised, rest = int.from_bytes(start[80:84], "little"), size - 84
         raise MeshError(
             f"{path}: truncated or unreadable, it promises {promised:,} triangles and holds {rest // 50:,}"
@@ -92,10 +89,13 @@ def _kind(text: bytes, start: bytes, size: int) -> str:
     """The ending that a file of these first bytes should have; empty where they do not show it."""
     if len(start) >= 84 and 84 + 50 * int.from_bytes(start[80:84], "little") == size:
         return ".stl"
-    if text.startswith(b"solid") and (b"facet" in text or b"endsolid" in text):
+    if text[:5].lower() == b"solid" and re.search(rb"facet|endsolid", text, re.IGNORECASE):
         return ".stl"
     if text.startswith((b"<?xml", b"<VTKFile", b"<Xdmf")):
-        return ".vtu" if b"<VTKFile" in text else ".xdmf" if b"<Xdmf" in text else ""
+        found = re.search(rb"<VTKFile[^>]*\stype=.(\w+)", text)
+        return (
+            (".vtu" if found.group(1) == b"UnstructuredGrid" else "") if found else ".xdmf" if b"<Xdmf" in text else ""
+        )
     beginnings = {
         ".ply": (b"ply\n", b"ply\r"),
         ".off": (b"OFF", b"COFF", b"NOFF"),
@@ -114,6 +114,17 @@ def _negative_counts(path: Path, suffix: str) -> Iterator[str]:
             found = re.search(_COUNTS[suffix], contents)
             if found:
                 yield found.group(1).decode()
+
+
+def bytes_after_stl(path: Path) -> int | None:
+    """Bytes after the triangles that a binary STL file promises; None where it is none, or holds fewer."""
+    with path.open("rb") as file:
+        start = file.read(START)
+    after = path.stat().st_size - 84 - 50 * int.from_bytes(start[80:84], "little")
+    text = start.removeprefix(BYTE_ORDER_MARK).lstrip()
+    if len(start) < 84 or after < 0 or after > 0 and _kind(text, start, 0):
+        return None
+    return after
 
 
 def promised_faces(path: Path) -> int | None:

@@ -1,10 +1,11 @@
 """Reads a shape from whatever a scene names: a file of a surface or a volume mesh, or arrays that are passed through.
 
-The library for each format was chosen by trying all of them. OBJ and OFF are read here: meshio refuses OBJ files that
-have more normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams, and libigl
-aborts the process on truncated files. PLY and STL are read by trimesh. What a file really is, is looked at before
-(`file_kinds.py`). USD and Alembic are the studio's. Any error of a library becomes a message of one line. All reading
-happens in a child process of limited processor time and memory.
+The library for each format was chosen by trying all of them. OBJ, OFF and STL are read here: meshio refuses OBJ files
+that have more normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams, and
+libigl aborts the process on truncated files; trimesh refuses STL files in capitals, with decimal commas, or with more
+bytes than they promise. PLY is read by trimesh, files of Gmsh by Gmsh, others by meshio or else VTK. What a file really
+is, is looked at before (`file_kinds.py`). USD and Alembic are the studio's. Any error of a library becomes a message of
+one line. All reading happens in a child process of limited processor time and memory.
 """
 
 import atexit
@@ -23,14 +24,14 @@ from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessFailed, check_budget
 from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter
 from pdvol.meshing.surface_files import SURFACES, read_surface
-from pdvol.meshing.volume_files import PAIR, VOLUMES, read_pair, read_volume
+from pdvol.meshing.volume_files import PAIR, VOLUMES, VTK_ONLY, read_pair, read_volume
 from pdvol.meshing.weld import weld_open
 from pdvol.registry import STUDIO
 from pdvol.scene.point_caches import ALEMBIC_FILES, USD_FILES
 
 SCENES = USD_FILES + ALEMBIC_FILES
 """Files of scenes, whose meshes are read as one surface."""
-LOADS = {".ply": "trimesh", ".stl": "trimesh", **dict.fromkeys(VOLUMES, "meshio")}
+LOADS = {".ply": "trimesh", **dict.fromkeys(VOLUMES, "meshio"), **dict.fromkeys(VTK_ONLY, "pyvista")}
 """The library that reads a kind of file: its loading does not count as reading."""
 MARK_IN_THE_WAY = (".ply", ".off", ".stl", ".msh", ".vtk", ".vtu", ".mesh")  # of a byte-order mark: others skip it
 BASE_SECONDS = 6.0  # limit on processor time [s] for a file of no size: leaves time to load a second library
@@ -106,8 +107,8 @@ def read_with_notes(
         raise InputError(f"a shape must be a path, an Outline, a Surface or a Solid, not {type(shape).__name__}")
     path = Path(shape).expanduser()
     suffix = path.suffix.lower()
-    if suffix not in SURFACES + VOLUMES + PAIR + SCENES:
-        known = ", ".join(SURFACES + VOLUMES + PAIR + SCENES)
+    if suffix not in SURFACES + VOLUMES + VTK_ONLY + PAIR + SCENES:
+        known = ", ".join(SURFACES + VOLUMES + VTK_ONLY + PAIR + SCENES)
         raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {known}{converter(path)}")
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")

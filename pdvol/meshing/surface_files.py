@@ -1,5 +1,7 @@
 """Triangles from files of surfaces, and from the blocks of meshio; polygons are cut."""
 
+import io
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +11,7 @@ import numpy as np
 
 from pdvol.errors import MeshError
 from pdvol.meshes import Surface
-from pdvol.meshing.file_kinds import promised_faces
+from pdvol.meshing.file_kinds import bytes_after_stl, promised_faces
 from pdvol.meshing.losses import face_labels, lost_labels
 from pdvol.meshing.polygons import cut_faces, cut_polygons
 
@@ -17,27 +19,42 @@ if TYPE_CHECKING:
     import meshio
 
 SURFACES = (".obj", ".ply", ".off", ".stl")
-QUADRATIC = {"triangle6": 3, "tetra10": 4}
-"""Quadratic cells, and how many of their nodes are corners; these come first."""
+CORNERS = {"tetra": 4, "triangle": 3, "quad": 4}
+"""Cells that are read, by the beginnings of their names, and how many of their nodes are corners: the first ones."""
+PLY_BYTES = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("double", "float64"), 8),
+}
+"""Size [bytes] of a number in a binary PLY file, by the name of its type."""
 
 
 Result = TypeVar("Result")
 
 
 def read_surface(path: Path) -> tuple[Surface, list[str]]:
-    """The triangles of a file of `SURFACES`, in a child process, and a note on labels of faces that are left out.
+    """The triangles of a file of `SURFACES`, in a child process; notes say which bytes and labels are left out.
 
     Raises
     ------
     MeshError
         It is unreadable, truncated, or holds no triangles.
     """
-    points, triangles = first_that_reads(path, {".obj": read_obj, ".off": _off}.get(path.suffix.lower(), _ply_or_stl))
+    suffix = path.suffix.lower()
+    readers = {".obj": (read_obj,), ".off": (_off,), ".stl": (_stl,)}.get(suffix, (_ply, _polygons, _ply_without_rest))
+    points, triangles = first_that_reads(path, *readers)
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
-    return Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles)), lost_labels(
-        face_labels(path)
-    )
+    if suffix == ".ply" and (promised_faces(path) or 0) > len(triangles):
+        raise MeshError(
+            f"{path}: truncated, it promises {promised_faces(path):,} faces and holds {len(triangles):,}; export the"
+            " mesh again"
+        )
+    more = bytes_after_stl(path) if suffix == ".stl" else 0
+    notes = [f"{more:,} bytes after its {len(triangles):,} triangles are left out"] if more else []
+    surface = Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles))
+    return surface, notes + lost_labels(face_labels(path))
 
 
 def first_that_reads(path: Path, *readers: Callable[[Path], Result]) -> Result:
@@ -92,6 +109,8 @@ def parse_obj(path: Path) -> ObjText:
     points, faces = found.points, found.faces
     for line in path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ").splitlines():
         word, *rest = line.split() or [""]
+        if word in ("v", "f", "vt"):
+            rest = line.partition("#")[0].split()[1:]
         if word == "v":
             x, y, z = rest[:3]
             points.append((float(x), float(y), float(z)))
@@ -118,22 +137,61 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return places, cut_faces(places, found.faces)
 
 
-def _ply_or_stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     # `fix_texture` would split vertices at a texture's seams.
     mesh = trimesh.load_mesh(path, process=False, fix_texture=False)
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    if path.suffix.lower() == ".stl":  # every triangle brings its own corners
-        points, index = np.unique(points, axis=0, return_inverse=True)
-        return points, index.ravel()[triangles]
     promised = promised_faces(path)
     if promised is not None and promised < len(triangles):  # polygons, which trimesh has cut in fans
-        import meshio
-
-        polygons = meshio.read(path)
-        return np.asarray(polygons.points), triangles_of(polygons)[0]
+        return _polygons(path)
     return points, triangles
+
+
+def _ply_without_rest(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """A binary PLY file of triangles up to the end of the promised data, however many properties these have."""
+    import trimesh
+
+    data = path.read_bytes()
+    end = data.index(b"\n", data.index(b"end_header")) + 1
+    count = 0
+    lines = [line.split() for line in data[:end].decode("latin-1").splitlines()]
+    for word, *rest in filter(None, lines):
+        if word == "element":
+            count = int(rest[1])
+        elif word == "property":
+            kinds = [rest[1], *[rest[2]] * 3] if rest[0] == "list" else rest[:1]
+            end += count * sum(PLY_BYTES[kind] for kind in kinds)
+    mesh = trimesh.load_mesh(io.BytesIO(data[:end]), file_type="ply", process=False, fix_texture=False)
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def _polygons(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Of a PLY file, whatever comes after its faces."""
+    import meshio
+
+    polygons = meshio.read(path)
+    return np.asarray(polygons.points), triangles_of(polygons)[0]
+
+
+def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Every triangle brings its own corners: equal ones become one vertex."""
+    data = path.read_bytes()
+    if bytes_after_stl(path) is not None:
+        row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+        corners = np.frombuffer(data, row, int.from_bytes(data[80:84], "little"), 84)["corners"].astype(np.float64)
+    else:
+        text = data.decode("utf-8-sig", "replace").lower()
+        found = re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text)
+        facets, ends = len(re.findall(r"\bfacet\b", text)), len(re.findall(r"\bendfacet\b", text))
+        if not len(found) == 3 * facets == 3 * ends:
+            raise ValueError(f"{facets} facets begin, {ends} end, with {len(found)} corners")
+        # A comma is the sign of decimals, or stands between two numbers.
+        rows = [[word.rstrip(",;").replace(",", ".") for word in row] for row in found]
+        corners = np.array(rows, dtype=np.float64)
+    points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return points, index.reshape(-1, 3)
 
 
 def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -157,11 +215,7 @@ def triangles_of(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarra
     triangles, blocks, rows = [], [], []
     for b, block in enumerate(mesh.cells):
         data = np.asarray(block.data)
-        if block.type in QUADRATIC:
-            data = data[:, : QUADRATIC[block.type]]
-        elif block.type not in ("triangle", "quad", "polygon"):
-            continue
-        if data.ndim != 2 or len(data) == 0 or block.type == "tetra10":
+        if block.type not in ("triangle", "quad", "polygon") or data.ndim != 2 or len(data) == 0:
             continue
         cut = cut_polygons(np.asarray(mesh.points, dtype=np.float64), data)
         triangles.append(cut.swapaxes(0, 1).reshape(-1, 3))

@@ -1,27 +1,28 @@
 """Meshes of tetrahedra, and of triangles, from the files of mesh generators: read in a child process (`readers.py`)."""
 
 import re
-import shutil
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pdvol.errors import MeshError
+from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.meshes import Solid, Surface
+from pdvol.meshing.gmsh_files import in_one_group, read_gmsh
 from pdvol.meshing.losses import lost_labels, unread_labels
-from pdvol.meshing.surface_files import QUADRATIC, first_that_reads, indices, triangles_of
+from pdvol.meshing.surface_files import CORNERS, first_that_reads, indices, triangles_of
+from pdvol.meshing.weld import coincident
+from pdvol.meshing.xdmf_files import read_xdmf
 
 if TYPE_CHECKING:
     import meshio
 
-TETRAHEDRA = ("tetra", "tetra10")
-"""meshio's names of the solid cells that are read."""
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
+VTK_ONLY = (".vtp", ".pvtu", ".pvd", ".vtm", ".vtkhdf")
+"""Further files that VTK reads: surfaces, and collections of other files."""
 PAIR = (".node", ".ele")
 """NAME.node and NAME.ele, as TetGen and Triangle write them, in text."""
-_MSH_SECTIONS = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements"}
 _LABELS = (
     "gmsh:physical",
     "medit:ref",
@@ -30,14 +31,16 @@ _LABELS = (
     "regions",
     "region",
     "cell_tags",
+    "mesh_tags",
+    "name_to_read",
     "gmsh:geometrical",
 )
 """Names under which cells carry their region, the most explicit first."""
 
 
 def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
-    """The mesh of a file of `VOLUMES`, and notes: a `Solid` of its tetrahedra, or of triangles that all lie at one z; a
-    `Surface` of other triangles.
+    """The mesh of a file of `VOLUMES` or `VTK_ONLY`, and notes: a `Solid` of its tetrahedra, or of triangles that all
+    lie at one z; a `Surface` of other triangles.
 
     Raises
     ------
@@ -45,43 +48,71 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
         It is unreadable, or holds neither tetrahedra nor triangles, or other solids.
     """
     suffix = path.suffix.lower()
-    others = {".msh": (_with_meshio_known_sections,), ".vtk": (_with_vtk,), ".vtu": (_with_vtk,)}.get(suffix, ())
-    mesh = first_that_reads(path, _with_meshio, *others)
+    own = {".msh": read_gmsh, ".xdmf": read_xdmf, **dict.fromkeys(VTK_ONLY, _with_vtk)}.get(suffix, _with_meshio)
+    mesh = first_that_reads(
+        path, own, *{".msh": [_with_meshio], ".vtk": [_with_vtk], ".vtu": [_with_vtk]}.get(suffix, [])
+    )
     points = np.asarray(mesh.points, dtype=np.float64)
-    solids = sum(len(block.data) for block in mesh.cells if block.dim == 3 and block.type not in TETRAHEDRA)
+    unoriented = suffix == ".xdmf" or any(block.type.startswith("VTK_LAGRANGE") for block in mesh.cells)
+    notes = [*mesh.info] if isinstance(mesh.info, list) else []
+    notes += _quadratic(_cut_to_corners(mesh))
+    solids = sum(len(block.data) for block in mesh.cells if block.dim == 3 and block.type != "tetra")
     if solids:  # a body without them would have holes
         raise MeshError(f"{path}: {solids:,} of its cells are solids but no tetrahedra; export tetrahedra alone")
-    notes = _quadratic(sum(len(block.data) for block in mesh.cells if block.type in QUADRATIC))
-    tets = [b for b, block in enumerate(mesh.cells) if block.type in TETRAHEDRA and len(block.data)]
+    tets = [b for b, block in enumerate(mesh.cells) if block.type == "tetra" and len(block.data)]
     if tets:
-        cells = np.concatenate([np.asarray(mesh.cells[b].data)[:, :4] for b in tets])
-        labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
-        return Solid(points, indices(path, cells), labels), notes + unread_labels(mesh.cell_data, _LABELS)
-    triangles, blocks, rows = triangles_of(mesh)
-    if len(triangles) == 0:
+        cells = np.concatenate([np.asarray(mesh.cells[b].data) for b in tets])
+        blocks, rows = np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None
+    else:
+        cells, blocks, rows = triangles_of(mesh)
+    if len(cells) == 0:
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "nothing"
         raise MeshError(f"{path}: holds no tetrahedra and no triangles (only {kinds}); export one of the two")
-    triangles = indices(path, triangles)
-    if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
-        return Solid(
-            np.ascontiguousarray(points[:, :2]), triangles, _regions(mesh, blocks, rows)
-        ), notes + unread_labels(mesh.cell_data, _LABELS)
-    labels = np.unique(_regions(mesh, blocks, rows)).tolist()
-    return Surface(points, triangles), notes + lost_labels(list(map(str, labels if len(labels) > 1 else [])))
+    cells = indices(path, cells)
+    inside = cells.min() >= 0 and cells.max() < len(points)
+    if not tets and points.shape[1] == 3 and not (inside and np.ptp(points[cells, 2]) == 0.0):
+        labels = np.unique(_regions(mesh, blocks, rows)).tolist()
+        return Surface(points, cells), notes + lost_labels(list(map(str, labels if len(labels) > 1 else [])))
+    points = points if tets else np.ascontiguousarray(points[:, :2])
+    labels = _regions(mesh, blocks, rows)
+    if suffix == ".msh":
+        cells, labels, found = in_one_group(cells, labels)
+        notes += found
+    if unoriented and inside:  # the order of a cell's nodes means nothing to FEniCS
+        turned = simplex_volumes(points, cells) < 0.0
+        cells[turned] = cells[turned][:, [1, 0, *range(2, cells.shape[1])]]
+    return Solid(points, cells, labels), notes + unread_labels(mesh.cell_data, _LABELS)
 
 
 def _quadratic(count: int) -> list[str]:
     return [f"{count:,} quadratic cells are read by their corners"] if count else []
 
 
+def _cut_to_corners(mesh: "meshio.Mesh") -> int:
+    """Turn the cells of `CORNERS` into linear ones, and count those that had more nodes."""
+    from meshio import CellBlock
+
+    count = 0
+    for b, block in enumerate(mesh.cells):
+        name = block.type.lower().removeprefix("vtk_lagrange_")
+        kind = next((kind for kind in CORNERS if name.startswith(kind)), "")
+        if kind:
+            data = np.asarray(block.data)
+            count += len(data) if data.shape[1] > CORNERS[kind] else 0
+            mesh.cells[b] = CellBlock(kind, data[:, : CORNERS[kind]])
+    return count
+
+
 def _regions(mesh: "meshio.Mesh", blocks: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
     """Labels (m,) int32 of cells that come from `rows` (in order where None) of `blocks`."""
     labels = np.zeros(len(blocks), dtype=np.int32)
-    name = next((name for name in _LABELS if name in mesh.cell_data), None)
-    for b in np.unique(blocks) if name else ():
-        values, mine = np.asarray(mesh.cell_data[name][b]), blocks == b
-        if values.ndim == 1 and np.isfinite(values).all():
-            labels[mine] = np.round(values[: mine.sum()] if rows is None else values[rows[mine]]).astype(np.int32)
+    for name in (name for name in _LABELS if name in mesh.cell_data):
+        for b in np.unique(blocks):
+            values, mine = np.asarray(mesh.cell_data[name][b]), blocks == b
+            if values.ndim == 1 and np.isfinite(values).all():
+                labels[mine] = np.round(values[: mine.sum()] if rows is None else values[rows[mine]]).astype(np.int32)
+        if labels.any():  # Gmsh gives cells without a physical group the number 0
+            break
     return labels
 
 
@@ -89,6 +120,10 @@ def _with_meshio(path: Path) -> "meshio.Mesh":
     """A VTU file whose counts do not fit its arrays is not left to VTK, which would drop what is too much."""
     import meshio
 
+    def refuse(message: str) -> None:
+        raise meshio.ReadError(message)
+
+    meshio._vtk_common.warn = refuse  # it would leave out cells of types that it does not know
     try:
         return (meshio.vtu.read if path.suffix.lower() == ".vtu" else meshio.read)(path)
     except (ValueError, meshio.ReadError) as error:
@@ -100,31 +135,36 @@ def _with_meshio(path: Path) -> "meshio.Mesh":
         raise
 
 
-def _with_meshio_known_sections(path: Path) -> "meshio.Mesh":
-    """A .msh without the sections that only its author knows."""
-    import meshio
-
-    with tempfile.TemporaryDirectory(prefix="pdvol-read-") as folder:
-        copy = Path(folder) / path.name
-        with path.open("rb") as source, copy.open("wb") as target:
-            skipped = b""
-            for line in source:
-                word = line.strip()
-                name = word[1:].decode("ascii", "replace").removeprefix("End")
-                if not skipped and word.startswith(b"$") and name not in _MSH_SECTIONS:
-                    skipped = b"$End" + word[1:]
-                if not skipped:
-                    target.write(line)
-                if word == skipped:
-                    skipped = b""
-            shutil.copystat(path, copy)
-        return meshio.read(copy)
-
-
 def _with_vtk(path: Path) -> "meshio.Mesh":
+    """Of a time series the first step. Pieces are joined where their points are exactly the same."""
     import pyvista
 
-    return pyvista.to_meshio(pyvista.read(path))
+    others = re.findall(r"\b(?:Source|file)=\"([^\"]+)", path.read_text(errors="replace")) if _collects(path) else []
+    missing = next((other for other in others if not (path.parent / other).is_file()), "")
+    if missing:
+        raise MeshError(f"{path}: there is no {missing} beside it, with its data; keep the files together")
+    found, notes = pyvista.read(path), []
+    if path.suffix.lower() == ".pvd" and (steps := len(set(pyvista.get_reader(path).time_values))) > 1:
+        notes = [f"the first of its {steps} steps is read"]
+    grid = found.combine() if isinstance(found, pyvista.MultiBlock) else found.cast_to_unstructured_grid()
+    if pyvista.CellType.TRIANGLE_STRIP in grid.celltypes:
+        others = pyvista.to_meshio(grid.extract_cells(grid.celltypes != pyvista.CellType.TRIANGLE_STRIP))
+        if any(block.dim == 3 for block in others.cells):
+            grid = grid.extract_cells(grid.celltypes != pyvista.CellType.TRIANGLE_STRIP)
+        else:
+            grid = grid.extract_geometry().triangulate()
+    mesh = pyvista.to_meshio(grid)
+    mesh.info = notes
+    if _collects(path):
+        first = coincident(np.asarray(mesh.points), 0.0)
+        for block in mesh.cells:
+            block.data = first[block.data]
+    return mesh
+
+
+def _collects(path: Path) -> bool:
+    """Whether the data are in other files."""
+    return path.suffix.lower() in (".pvtu", ".pvd", ".vtm")
 
 
 def read_pair(path: Path) -> tuple[Solid, list[str]]:

@@ -1,0 +1,70 @@
+"""Meshes from XDMF files, also of dolfinx and of time series: meshio reads their parts."""
+
+from copy import deepcopy
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element, SubElement, parse
+
+import numpy as np
+
+from pdvol.errors import MeshError
+
+if TYPE_CHECKING:
+    import meshio
+
+
+def read_xdmf(path: Path) -> "meshio.Mesh":
+    """The first grid with points and cells: of a time series the first step. Mesh tags of dolfinx, which are grids that
+    use the points of another one, become the cell data `mesh_tags`.
+
+    Raises
+    ------
+    MeshError
+        The file with the data is missing, or grids lie side by side.
+    """
+    root = parse(path).getroot()
+    whole = next((grid for grid in root.iter("Grid") if None not in map(grid.find, ("Topology", "Geometry"))), None)
+    if whole is None:
+        raise ValueError("no grid has points and cells")
+    pieces = [len(one.findall("Grid")) for one in root.iter("Grid") if one.get("CollectionType") == "Spatial"]
+    if max(pieces, default=0) > 1:
+        raise MeshError(f"{path}: holds {max(pieces)} grids side by side; join them, as ParaView's Merge Blocks does")
+    mesh = _read_grid(path, whole, whole)
+    series = [len(one.findall("Grid")) for one in root.iter("Grid") if one.get("CollectionType") == "Temporal"]
+    mesh.info = [f"the first of its {max(series)} steps is read"] if max(series, default=0) > 1 else []
+    for grid in root.findall("Domain/Grid"):
+        if grid.find("Geometry") is None and None not in map(grid.find, ("Topology", "Attribute")):
+            tags = _read_grid(path, grid, whole)
+            if [block.type for block in tags.cells] == [block.type for block in mesh.cells] and len(mesh.cells) == 1:
+                count = len(mesh.cells[0].data)
+                rows = np.sort(np.vstack([mesh.cells[0].data, tags.cells[0].data]), axis=1)
+                _, which = np.unique(rows, axis=0, return_inverse=True)
+                values = np.zeros(which.max() + 1)
+                values[which.ravel()[count:]] = next(iter(tags.cell_data.values()))[0].ravel()
+                mesh.cell_data["mesh_tags"] = [values[which.ravel()[:count]]]
+    return mesh
+
+
+def _read_grid(path: Path, grid: Element, whole: Element) -> "meshio.Mesh":
+    """Points of `whole`, cells and cell data of `grid`."""
+    from meshio.xdmf.common import xdmf_to_meshio_type
+    from meshio.xdmf.main import XdmfReader
+
+    parts = [*grid.findall("Topology"), *whole.findall("Geometry")]
+    parts += [one for one in grid.findall("Attribute") if one.get("Center") == "Cell"]
+    alone = Element("Xdmf")
+    SubElement(SubElement(alone, "Domain"), "Grid").extend(deepcopy(parts))
+    kinds = {kind.lower(): kind for kind in (*xdmf_to_meshio_type, "Mixed")}
+    for topology in alone.iter("Topology"):
+        kind = topology.attrib.pop("Type", "") or topology.get("TopologyType", "")
+        if kind.lower() not in kinds:
+            raise ValueError(f"cells of the type {kind!r} are not read")
+        topology.set("TopologyType", kinds[kind.lower()])
+    for item in alone.iter("DataItem"):
+        if "Reference" in item.attrib:
+            raise ValueError("data items that refer to others are not read")
+        item.attrib.setdefault("Format", "XML")
+        other = (item.text or "").strip().split(":")[0]
+        if item.get("Format") == "HDF" and not (path.parent / other).is_file():
+            raise MeshError(f"{path}: there is no {other} beside it, with its data; keep the two together")
+    return XdmfReader(path).read_xdmf3(alone)

@@ -1,0 +1,533 @@
+"""Files as other programs write them: all that carries the data is read, and printed advice works."""
+
+import shutil
+import subprocess
+from collections import Counter
+from pathlib import Path
+
+import dolfinx
+import gmsh
+import h5py
+import meshio
+import numpy as np
+import pytest
+import pyvista
+import trimesh
+from mpi4py import MPI
+
+from hostile_files import CUBE, mesh, obj, off, shifted, stl, together
+from pdvol.errors import MeshError
+from pdvol.meshes import Solid, Surface
+from pdvol.meshing.file_kinds import CONVERTERS, converter
+from pdvol.meshing.readers import read_shape, read_with_notes
+from pdvol.meshing.validate import check_solid, check_surface
+
+CASES = Path(__file__).parents[2].parent / "shared" / "cases"
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+TETS = np.array([[0, 1, 2, 3], [1, 4, 2, 3]])
+SHELL = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+
+
+def labels(solid) -> dict[int, int]:
+    return dict(sorted(Counter(solid.regions.tolist()).items()))
+
+
+# ---- Gmsh
+
+
+@pytest.fixture
+def boxes():
+    """A function that makes a mesh of three boxes in a row, of 1, 1 and 1 m, with physical groups of volumes."""
+
+    def make(groups: dict[int, list[int]], dim: int = 3):
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        first, *others = [occ.addBox(x, 0, 0, 1, 1, 1) for x in range(3)]
+        occ.fragment([(3, first)], [(3, other) for other in others])
+        occ.synchronize()
+        for group, entities in groups.items():
+            gmsh.model.addPhysicalGroup(dim, entities, group)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+        gmsh.model.mesh.generate(3)
+        counts = [len(gmsh.model.mesh.getElements(3, k)[1][0]) for k in (1, 2, 3)]
+
+        def write(path, version=4.1, **options):
+            for name, value in {"MshFileVersion": version, "SaveAll": 0, "Binary": 0, **options}.items():
+                gmsh.option.setNumber(f"Mesh.{name}", value)
+            gmsh.write(str(path))
+            return path
+
+        return write, counts
+
+    yield make
+    if gmsh.isInitialized():
+        gmsh.finalize()
+
+
+@pytest.mark.parametrize(
+    ("version", "options"),
+    [
+        *((version, {"SaveAll": 1, "Binary": binary}) for version in (2.2, 4.1) for binary in (0, 1)),
+        (1, {}),
+        (4.0, {}),
+        (4.1, {"SaveAll": 1, "SaveParametric": 1}),
+    ],
+)
+def test_gmsh_with_all_entities(tmp_path, boxes, version, options):
+    write, (one, two, three) = boxes({7: [1], 8: [2, 3]})
+    solid = read_shape(write(tmp_path / "a.msh", version, **options))
+    check_solid(solid)
+    lost = version == 2.2 and options["SaveAll"]  # that format then holds no groups, but the entities
+    assert labels(solid) == ({1: one, 2: two, 3: three} if lost else {7: one, 8: two + three})
+
+
+def test_gmsh_without_groups_of_volumes(tmp_path, boxes):
+    write, counts = boxes({5: [1]}, 2)
+    for version in (2.2, 4.1):
+        solid = read_shape(write(tmp_path / "a.msh", version, SaveAll=1))
+        assert labels(solid) == dict(zip((1, 2, 3), counts, strict=True))
+
+
+def test_gmsh_of_higher_order(tmp_path, boxes):
+    write, (one, two, three) = boxes({7: [1], 8: [2, 3]})
+    for order in (2, 3):
+        gmsh.model.mesh.setOrder(order)
+        solid, notes = read_with_notes(write(tmp_path / "a.msh"))
+        check_solid(solid)
+        assert labels(solid) == {7: one, 8: two + three}
+        assert notes == [f"{one + two + three:,} quadratic cells are read by their corners"]
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize(
+    ("groups", "kept"),
+    [
+        ({7: [1], 8: [2, 3], 100: [1, 2, 3]}, {7: [1], 8: [2, 3]}),
+        ({100: [1, 2, 3], 7: [2]}, {7: [2], 100: [1, 3]}),
+        ({7: [1], 8: [2, 3], 9: [2, 3]}, {7: [1], 8: [2, 3]}),
+        ({1: [1, 2, 3], 2: [1, 2], 3: [1]}, {1: [3], 2: [2], 3: [1]}),
+    ],
+)
+def test_gmsh_groups_that_overlap(tmp_path, boxes, version, groups, kept):
+    write, counts = boxes(groups)
+    solid, notes = read_with_notes(write(tmp_path / "a.msh", version))
+    check_solid(solid)
+    size = lambda entities: sum(counts[k - 1] for k in entities)
+    assert labels(solid) == {group: size(entities) for group, entities in kept.items()}
+    assert notes == [
+        "cells in several physical groups have the label of the smallest: group"
+        f" {group} keeps {size(kept.get(group, [])):,} of its {size(entities):,} cells"
+        for group, entities in sorted(groups.items())
+        if kept.get(group) != entities
+    ]
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize("ghosts", [0, 1])
+@pytest.mark.parametrize("groups", [{7: [1], 8: [2, 3]}, {}])
+def test_partitioned_gmsh(tmp_path, boxes, version, ghosts, groups, capfd):
+    write, (one, two, three) = boxes(groups)
+    gmsh.option.setNumber("Mesh.PartitionCreateGhostCells", ghosts)
+    gmsh.model.mesh.partition(3)
+    expected = {7: one, 8: two + three} if groups else {1: one, 2: two, 3: three}
+    whole = read_shape(write(tmp_path / "whole.msh", version))
+    check_solid(whole)
+    assert labels(whole) == expected
+    assert labels(read_shape(write(tmp_path / "binary.msh", version, Binary=1))) == expected
+    write(tmp_path / "part.msh", version, PartitionSplitMeshFiles=1)
+    solid, notes = read_with_notes(tmp_path / "part_2.msh")
+    check_solid(solid)
+    assert labels(solid) == expected and len(solid.vertices) == len(whole.vertices)
+    assert notes == ["its 3 files are read, as one mesh"]
+    if version == 4.1:  # the other format does not say how many parts there are
+        (tmp_path / "part_3.msh").unlink()
+        with pytest.raises(MeshError, match=r"part 2 of a mesh that Gmsh has partitioned, without part_3\.msh beside"):
+            read_shape(tmp_path / "part_2.msh")
+        (tmp_path / "part_2.msh").rename(tmp_path / "other.msh")
+        with pytest.raises(MeshError, match="part 2 of a mesh that Gmsh has partitioned"):
+            read_shape(tmp_path / "other.msh")
+
+
+def test_gmsh_runs_nothing(tmp_path, boxes):
+    write, _ = boxes({})
+    script = f'SystemCall "touch {tmp_path / "owned"}";\n'
+    path = write(tmp_path / "a.msh")
+    (tmp_path / "a.msh.opt").write_text(script)
+    read_shape(path)
+    for start in ("", "$Foo\n", "\n$MeshFormat\n"):
+        path.write_text(start + script)
+        with pytest.raises(MeshError, match="unreadable or truncated"):
+            read_shape(path)
+    assert not (tmp_path / "owned").exists()
+
+
+# ---- surfaces
+
+
+def ply(**more) -> bytes:
+    data = trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False).export(file_type="ply", **more)
+    return data if isinstance(data, bytes) else data.encode()
+
+
+def coloured() -> bytes:
+    found = trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False)
+    found.visual.face_colors = [255, 0, 0, 255]
+    return found.export(file_type="ply")
+
+
+def stl_text() -> str:
+    return trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False).export(file_type="stl_ascii")
+
+
+def with_comments(vertex: str, face: str) -> bytes:
+    """The lines of a cube in an OBJ file, with something at their ends."""
+    lines = obj(CUBE.vertices, CUBE.triangles).decode().splitlines()
+    return "\n".join(line + {"v": vertex, "f": face}[line[0]] for line in lines).encode()
+
+
+READ = {
+    "newline.ply": ply() + b"\n",
+    "text.ply": ply() + b"# made by a program\r\n",
+    "zeros.ply": ply() + bytes(4096),
+    "ascii.ply": ply(encoding="ascii") + b"\n\nand more\n",
+    "colours.ply": coloured() + b"\n",
+    "newline.stl": stl(CUBE) + b"\r\n",
+    "zeros.stl": stl(CUBE) + bytes(512),
+    "one_more.stl": stl(CUBE) + stl(CUBE)[84:134],
+    "solid.stl": b"solid model".ljust(80) + stl(CUBE)[80:] + b"\0",
+    "capitals.stl": stl_text().upper().encode(),
+    "title.stl": stl_text().title().encode(),
+    "commas.stl": stl_text().replace(".", ",").encode(),
+    "both.stl": stl_text().upper().replace(".", ",").replace("\n", "\r\n").encode(),
+    "between.stl": stl_text().replace(" 0", ", 0").replace("vertex,", "vertex").encode(),
+    "returns.stl": stl_text().replace("\n", "\r").encode(),
+    "semicolons.stl": stl_text().replace("\n", ";\n").encode(),
+    "one_line.stl": stl_text().replace("\n", " ").encode(),
+    "more.stl": stl_text().encode() + b"\n; made by a program\n",
+    "face.obj": with_comments("", " # one"),
+    "tight.obj": with_comments("#a b", "#1/2 x"),
+    "tab.obj": with_comments(" # of 8", "\t# 1 2 3"),
+    "rest.off": off(CUBE.vertices, CUBE.triangles) + b"3 0 0 0\n# more\n",
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_surfaces_with_more_than_their_data(tmp_path, name):
+    (tmp_path / name).write_bytes(READ[name])
+    surface, notes = read_with_notes(tmp_path / name)
+    assert isinstance(surface, Surface) and len(surface.vertices) == 8 and len(surface.triangles) == 12
+    check_surface(surface)
+    np.testing.assert_allclose(np.sort(surface.vertices, axis=0), np.sort(CUBE.vertices, axis=0))
+    binary = name.endswith(".stl") and READ[name].startswith((bytes(9), b"solid model"))
+    assert notes == ([f"{len(READ[name]) - 684:,} bytes after its 12 triangles are left out"] if binary else [])
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "cause"),
+    [
+        ("cut.ply", ply()[:-20], "unexpected length"),
+        ("cut_ascii.ply", ply(encoding="ascii")[:-20], "promises 12 faces and holds"),
+        ("cut.stl", stl(CUBE)[:-30], "promises 12 triangles and holds 11 and 20 bytes"),
+        ("cut_ascii.stl", stl_text()[:-60].encode(), "facets begin"),
+        ("thousands.stl", stl_text().replace("0.5", "1,000.5").encode(), "could not convert"),
+    ],
+)
+def test_surfaces_with_less_than_their_data(tmp_path, name, data, cause):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(MeshError, match=cause):
+        read_shape(tmp_path / name)
+
+
+# ---- XDMF and VTK
+
+
+@pytest.fixture(scope="module")
+def dolfinx_files(tmp_path_factory):
+    """Files of a cube of 48 cells and of a square of 18, written by dolfinx."""
+    folder = tmp_path_factory.mktemp("dolfinx")
+    cube = dolfinx.mesh.create_unit_cube(MPI.COMM_SELF, 2, 2, 2)
+    square = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 3, 3)
+    numbers = np.arange(48, dtype=np.int32)
+    tags = dolfinx.mesh.meshtags(cube, 3, numbers, np.where(numbers < 12, 4, 9).astype(np.int32))
+    few = dolfinx.mesh.meshtags(cube, 3, numbers[::3], np.full(16, 5, dtype=np.int32))
+    cube.topology.create_connectivity(2, 3)
+    rim = np.sort(dolfinx.mesh.exterior_facet_indices(cube.topology))
+    facets = dolfinx.mesh.meshtags(cube, 2, rim, np.full(len(rim), 3, dtype=np.int32))
+    tags.name, few.name, facets.name = "cells", "few", "facets"
+    displacement = dolfinx.fem.Function(dolfinx.fem.functionspace(cube, ("Lagrange", 1, (3,))))
+    quadratic = dolfinx.fem.Function(dolfinx.fem.functionspace(cube, ("Lagrange", 2, (3,))))
+    encodings = dolfinx.io.XDMFFile.Encoding
+    for name, written in {
+        "plain": [],
+        "tags": [tags],
+        "few": [few],
+        "facets": [facets],
+        "both": [facets, tags],
+    }.items():
+        for encoding in (encodings.HDF5, encodings.ASCII):
+            with dolfinx.io.XDMFFile(cube.comm, folder / f"{name}_{encoding.name}.xdmf", "w", encoding) as file:
+                file.write_mesh(cube)
+                for one in written:
+                    file.write_meshtags(one, cube.geometry)
+    with dolfinx.io.XDMFFile(cube.comm, folder / "series.xdmf", "w") as file:
+        file.write_mesh(cube)
+        for time in (0.0, 0.1, 0.2):
+            file.write_function(displacement, time)
+    with dolfinx.io.XDMFFile(cube.comm, folder / "square.xdmf", "w") as file:
+        file.write_mesh(square)
+    for name, one in {"cube": cube, "flat": square}.items():
+        with dolfinx.io.VTKFile(one.comm, folder / f"{name}.pvd", "w") as file:
+            file.write_mesh(one)
+    for name, function in {"linear": displacement, "quadratic": quadratic}.items():
+        with dolfinx.io.VTKFile(cube.comm, folder / f"{name}.pvd", "w") as file:
+            for time in (0.0, 0.1):
+                file.write_function(function, time)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "regions", "notes"),
+    [
+        *(
+            (f"{name}_{encoding}.xdmf", regions, [])
+            for encoding in ("HDF5", "ASCII")
+            for name, regions in {
+                "plain": {0: 48},
+                "tags": {4: 12, 9: 36},
+                "few": {0: 32, 5: 16},
+                "facets": {0: 48},
+                "both": {4: 12, 9: 36},
+            }.items()
+        ),
+        ("series.xdmf", {0: 48}, ["the first of its 3 steps is read"]),
+        ("square.xdmf", {0: 18}, []),
+        ("cube.pvd", {0: 48}, []),
+        ("cube000000.pvtu", {0: 48}, []),
+        ("cube_p0_000000.vtu", {0: 48}, []),
+        ("flat_p0_000000.vtu", {0: 18}, []),
+        ("linear_p0_000001.vtu", {0: 48}, []),
+        ("linear.pvd", {0: 48}, ["the first of its 2 steps is read"]),
+        ("quadratic_p0_000000.vtu", {0: 48}, ["48 quadratic cells are read by their corners"]),
+    ],
+)
+def test_files_of_dolfinx(dolfinx_files, name, regions, notes):
+    solid, found = read_with_notes(dolfinx_files / name)
+    assert isinstance(solid, Solid) and labels(solid) == regions and found == notes
+    check_solid(solid)
+
+
+@pytest.mark.parametrize("name", ["cube.pvd", "cube000000.pvtu"])
+def test_collections_without_their_files(dolfinx_files, tmp_path, name):
+    shutil.copy(dolfinx_files / name, tmp_path / name)
+    with pytest.raises(MeshError, match=r"there is no cube\w+\.\w+ beside it, with its data; keep the files together"):
+        read_shape(tmp_path / name)
+
+
+STEP = (
+    '<Grid Name="step {0}" GridType="Uniform"><Topology TopologyType="Tetrahedron" NumberOfElements="2">'
+    '<DataItem Dimensions="2 4" NumberType="Int" Precision="8" Format="HDF">level.h5:/cells</DataItem></Topology>'
+    '<Geometry GeometryType="XYZ"><DataItem Dimensions="5 3" NumberType="Float" Precision="8" Format="HDF">'
+    'level.h5:/points</DataItem></Geometry><Time Value="{0}.0" /><Attribute Name="region" AttributeType="Scalar"'
+    ' Center="Cell"><DataItem Dimensions="2" NumberType="Int" Precision="4" Format="HDF">level.h5:/region</DataItem>'
+    "</Attribute></Grid>"
+)
+"""One step of a level, as pdvol's export writes it."""
+
+
+def test_own_series(tmp_path):
+    with h5py.File(tmp_path / "level.h5", "w") as file:
+        file.update({"cells": TETS, "points": POINTS, "region": np.array([3, 4], dtype=np.int32)})
+    xml = '<?xml version="1.0"?><Xdmf Version="3.0"><Domain><Grid Name="level 0" GridType="Collection" {}>{}{}</Grid>'
+    path = tmp_path / "level_0.xdmf"
+    path.write_text(xml.format('CollectionType="Temporal"', STEP.format(0), STEP.format(1)) + "</Domain></Xdmf>")
+    solid, notes = read_with_notes(path)
+    assert labels(solid) == {3: 1, 4: 1} and notes == ["the first of its 2 steps is read"]
+    path.write_text(xml.format('CollectionType="Spatial"', STEP.format(0), STEP.format(1)) + "</Domain></Xdmf>")
+    with pytest.raises(MeshError, match="holds 2 grids side by side; join them"):
+        read_shape(path)
+    path.write_text(xml.format('CollectionType="Temporal"', STEP.format(0), "") + "</Domain></Xdmf>")
+    (tmp_path / "level.h5").rename(tmp_path / "other.h5")
+    with pytest.raises(MeshError, match=r"there is no level\.h5 beside it"):
+        read_shape(path)
+
+
+def grid(kind, cells, points=POINTS):
+    return pyvista.UnstructuredGrid(
+        np.hstack([[len(cell), *cell] for cell in cells]), np.full(len(cells), kind), points
+    )
+
+
+def strips():
+    import vtk
+
+    made = vtk.vtkStripper()
+    made.SetInputData(pyvista.Sphere(theta_resolution=10, phi_resolution=10))
+    made.Update()
+    assert made.GetOutput().GetNumberOfStrips() > 0
+    return pyvista.wrap(made.GetOutput())
+
+
+SPHERE = pyvista.Sphere(theta_resolution=10, phi_resolution=10)
+OF_VTK = {
+    "tets.vtu": (lambda: grid(71, TETS), 2),
+    "tets.vtk": (lambda: grid(71, TETS), 2),
+    "triangles.vtu": (lambda: grid(69, SHELL), 4),
+    "quad.vtu": (lambda: grid(70, [[0, 1, 2, 3]], np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])), 2),
+    "strips.vtk": (strips, 160),
+    "strips.vtp": (strips, 160),
+    "strips.vtu": (lambda: strips().cast_to_unstructured_grid(), 160),
+    "sphere.vtp": (lambda: SPHERE, 160),
+    "sphere.vtk": (lambda: SPHERE, 160),
+    "block.vtm": (lambda: pyvista.MultiBlock([SPHERE]), 160),
+}
+
+
+@pytest.mark.parametrize("name", OF_VTK)
+def test_files_of_vtk(tmp_path, name):
+    make, count = OF_VTK[name]
+    make().save(tmp_path / name)
+    shape = read_shape(tmp_path / name)
+    assert len(shape.triangles if isinstance(shape, Surface) else shape.cells) == count
+    (check_surface if isinstance(shape, Surface) else check_solid)(shape)
+
+
+@pytest.mark.parametrize("suffix", [".vtk", ".vtu"])
+def test_voxels_are_not_left_out(tmp_path, suffix):
+    """Beside tetrahedra, too: a body without them would have holes."""
+    voxels = pyvista.ImageData(dimensions=(3, 3, 3)).cast_to_unstructured_grid()
+    for one in (voxels, voxels.merge(grid(10, TETS), merge_points=False)):
+        one.save(tmp_path / f"a{suffix}")
+        with pytest.raises(MeshError, match="8 of its cells are solids but no tetrahedra; export tetrahedra alone"):
+            read_shape(tmp_path / f"a{suffix}")
+
+
+@pytest.mark.skipif(not CASES.exists(), reason="the shared cases are not here")
+@pytest.mark.parametrize(
+    ("file", "regions"),
+    [
+        ("05-gmsh-saveall/u_groups_saveall.msh", {7: 718, 8: 737}),
+        ("05-gmsh-saveall/u_groups_face_saveall22.msh", {1: 718, 2: 737}),
+        ("07-gmsh-overlapping-groups/t04_multi_22_0.msh", {7: 718, 8: 737}),
+        ("07-gmsh-overlapping-groups/t04_multi_41_0.msh", {7: 718, 8: 737}),
+        ("08-ply-trailing-bytes/t02c_trailing.ply", None),
+        ("08-ply-trailing-bytes/w1_bin_trail.stl", None),
+        ("11-own-xdmf-not-read/f6_dolfinx.xdmf", {1: 81, 2: 81}),
+        ("11-own-xdmf-not-read/f6_series.xdmf", {0: 1455}),
+        ("11-own-xdmf-not-read/level_0.xdmf", {0: 36}),
+        ("16-convert-advice-fails/t03_poly.vtp", None),
+    ],
+)
+def test_cases(file, regions):
+    shape = read_shape(CASES / file)
+    if regions is None:
+        check_surface(shape)
+        assert len(shape.triangles) == 320
+    else:
+        check_solid(shape)
+        assert labels(shape) == regions
+
+
+# ---- advice
+
+
+def sample(folder, suffix) -> Path:
+    """A small file of a kind that is not read, by a program that writes this kind."""
+    path = folder / f"a{suffix}"
+    if suffix in (".glb", ".gltf", ".dae", ".3mf"):
+        trimesh.Trimesh(CUBE.vertices, CUBE.triangles).export(path)
+    elif suffix == ".geo":
+        path.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};\n')
+    elif suffix in (".step", ".stp", ".iges", ".igs", ".brep", ".bdf", ".nas", ".med", ".unv", ".cgns"):
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path.with_suffix(".bdf" if suffix == ".nas" else suffix)))
+        gmsh.finalize()
+        if suffix == ".nas":
+            path.with_suffix(".bdf").rename(path)
+    else:
+        meshio.Mesh(POINTS, [("tetra", TETS)]).write(path)
+    return path
+
+
+def follow(path):
+    """The shape that is read after the advice has been followed."""
+    (command,) = converter(path).split("; convert it: ")[1:]
+    subprocess.run(command, shell=True, cwd=path.parent, check=True, capture_output=True, timeout=100)
+    (made,) = (one for one in path.parent.iterdir() if one.suffix in (".obj", ".msh", ".vtu"))
+    shape = read_shape(made)
+    assert len(shape.vertices) >= 5
+
+
+KINDS = [suffix for kinds in CONVERTERS for suffix in kinds]
+
+
+@pytest.mark.parametrize("suffix", [suffix for suffix in KINDS if "assimp" not in converter(Path(f"a{suffix}"))])
+def test_the_printed_converter_converts(tmp_path, suffix, capfd):
+    follow(sample(tmp_path, suffix))
+
+
+@pytest.mark.parametrize("suffix", [".bdf", ".nas"])
+def test_the_converter_of_a_deck_with_begin_bulk(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    meshio.Mesh(POINTS, [("tetra", TETS)]).write(path, file_format="nastran")
+    assert "meshio" in converter(path)
+    follow(path)
+
+
+@pytest.mark.skipif(shutil.which("assimp") is None, reason="assimp is not here")
+def test_assimp_converts(tmp_path):
+    follow(sample(tmp_path, ".dae"))
+
+
+def test_a_file_under_another_name_is_read_after_it_is_renamed(tmp_path):
+    for name, data in {"a.obj": stl(CUBE), "b.stl": ply(), "c.ply": off(CUBE.vertices, CUBE.triangles)}.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(MeshError, match="rename it to ") as caught:
+            read_shape(tmp_path / name)
+        check_surface(read_shape((tmp_path / name).rename(tmp_path / str(caught.value).split("rename it to ")[1])))
+
+
+# ---- damaged files
+
+
+def damaged(data: bytes, kind: int, rng: np.random.Generator) -> bytes:
+    """Cut, with some bytes changed, or with lines swapped."""
+    if kind == 0:
+        return data[: rng.integers(1, len(data))]
+    if kind == 1:
+        changed = np.frombuffer(data, np.uint8).copy()
+        changed[rng.integers(0, len(data), 5)] ^= np.uint8(1) << rng.integers(0, 8, 5).astype(np.uint8)
+        return changed.tobytes()
+    lines = data.split(b"\n")
+    a, b = rng.integers(0, len(lines), 2)
+    lines[a], lines[b] = lines[b], lines[a]
+    return b"\n".join(lines)
+
+
+def test_damaged_files_give_one_line_or_a_mesh(tmp_path, boxes):
+    write, _ = boxes({7: [1], 8: [2, 3]})
+    cloud = together(shifted(CUBE, 0.0), shifted(CUBE, 2.0))
+    whole = {
+        ".obj": obj(*cloud),
+        ".ply": ply(),
+        ".stl": stl_text().encode(),
+        ".msh": write(tmp_path / "whole.msh", SaveAll=1).read_bytes(),
+        ".mesh": mesh(POINTS, TETS),
+    }
+    rng, refused = np.random.default_rng(7), 0
+    for number in range(150):
+        suffix = list(whole)[number % 5]
+        path = tmp_path / f"{number}{suffix}"
+        path.write_bytes(damaged(whole[suffix], number // 5 % 3, rng))
+        try:
+            shape = read_shape(path)
+            assert isinstance(shape, (Solid, Surface)) and shape.vertices.dtype == np.float64
+        except MeshError as error:
+            assert "\n" not in str(error) and str(error).startswith(str(path)) and "Traceback" not in str(error)
+            refused += 1
+    assert 50 < refused < 150
