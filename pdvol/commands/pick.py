@@ -52,14 +52,14 @@ def main(options: Namespace) -> None:
     file = stored_file(stored)
     allow(file, stored["parameters"], trusted=False)
     scores = chosen_scores(list(entry["scores"]), file, trusted=False)
+    if options.refine:
+        with stage(f"loading {file}"):
+            finest = stored_shot(stored).scene.levels - 1
     take_out(source, out)
     if options.refine:
-        if last is None:
-            with stage(f"loading the scene of {out}"):
-                last = stored_shot(open_run(out).info).scene.levels - 1
         refine_run(
             out,
-            last,
+            finest if last is None else last,
             progress=progress_report(),
             wavefront=options.wavefront,
             xdmf=not options.no_xdmf,
