@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 QUIET = ("--no-picture", "--no-xdmf")  # Blender draws
 
 
@@ -39,8 +41,9 @@ def branch(scene: Path, source: Path, step: int, run: Path, last: int) -> list[s
 
 
 def wedge(scene: Path, out: Path, name: str, first: float, last: float, count: int) -> list[str]:
-    """Many variations of level 0, and their contact sheet."""
-    return ["wedge", str(scene), "--vary", f"{name}={first:.6g}:{last:.6g}:{count}", "-o", str(out), "--tiles"]
+    """Many variations of level 0, and their contact sheet; the ends are Blender's numbers, of single precision."""
+    ends = f"{np.float32(first)!s}:{np.float32(last)!s}"
+    return ["wedge", str(scene), "--vary", f"{name}={ends}:{count}", "-o", str(out), "--tiles"]
 
 
 def pick(out: Path, number: int, run: Path) -> list[str]:
@@ -50,5 +53,5 @@ def pick(out: Path, number: int, run: Path) -> list[str]:
 
 def export(run: Path, level: int, fps: float, out: Path) -> list[str]:
     """A level as point caches at the frames of Blender's scene."""
-    frames = ["--levels", f"{level}:{level}", "--fps", f"{fps:.12g}", "--no-crossings"]
+    frames = ["--levels", f"{level}:{level}", "--fps", f"{fps:.17g}", "--no-crossings"]
     return ["export", str(run), "--format", "pc2", *frames, "-o", str(out)]
