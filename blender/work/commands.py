@@ -5,7 +5,31 @@ from pathlib import Path
 
 import numpy as np
 
+from ..shot.description import ShotError
+
 QUIET = ("--no-picture", "--no-xdmf")  # Blender draws
+
+
+def install_source(given: str, extension: Path) -> str:
+    """What pip installs: what the user gives, or the wheel in the extension's folder, with the solver.
+
+    It is never a name, which pip would look for on the package index, where pdvol is not and anyone could put it.
+
+    Raises
+    ------
+    ShotError
+        It is neither a wheel, nor a checkout, nor an address with its digest.
+    """
+    wheels = sorted(extension.glob("pdvol-*.whl"))
+    source = given.strip() or (f"{wheels[-1]}[solver]" if wheels else "")
+    place, bracket, extras = source.partition("[")
+    if place and Path(place).exists():
+        return f"{Path(place).absolute()}{bracket}{extras}"
+    if "://" in source and "#sha256=" in source:
+        return source
+    raise ShotError(
+        "Install from: give a wheel or a checkout of pdvol, as /home/me/pdvol[solver], or an address with its #sha256="
+    )
 
 
 def check(scene: Path, findings: Path) -> list[str]:

@@ -1,8 +1,11 @@
 """What a release states in several files is the same in all of them."""
 
 import re
+import subprocess
 import tomllib
 from pathlib import Path
+
+import pytest
 
 import pdvol
 
@@ -58,3 +61,33 @@ def test_one_licence():
 def test_copied_code_has_its_licence_beside_it():
     copied = [file for file in (ROOT / "pdvol").rglob("vendor/**/*") if file.is_file()]
     assert copied and all((file.parent / "LICENSE").is_file() for file in copied)
+
+
+def test_nothing_installs_pdvol_by_a_name_that_anyone_could_register():
+    """Until it is registered: pip gets a wheel, a checkout, or an address with its digest."""
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    names = listed.stdout.splitlines() or [str(path.relative_to(ROOT)) for path in ROOT.rglob("*") if path.is_file()]
+    texts = {name: (ROOT / name) for name in names if Path(name).suffix in TEXTS and name not in ("CHANGELOG.md", HERE)}
+    assert len(texts) > 300
+    for name, path in texts.items():
+        found = BY_NAME.search(path.read_text(encoding="utf-8")) if path.is_file() else None
+        assert found is None, f"{name}: {found[0]}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "pip install pdvol",
+        "pip install -q 'pdvol[solver]'",
+        'pip3 install -U "pdvol"',
+        "uv pip install numpy pdvol==0.3",
+        '["pip", "install", "pdvol[solver]"]',
+    ],
+)
+def test_such_lines_are_found(text):
+    assert BY_NAME.search(text) and not BY_NAME.search(text.replace("pdvol", "./pdvol"))
+
+
+TEXTS = {".py", ".md", ".toml", ".yaml", ".yml", ".ipynb", ".sh", ".cff", ".rst", ".html", ".txt", ""}
+HERE = "tests/structure/test_release.py"
+BY_NAME = re.compile(r"""pip3?\W+install\b[^\n;|&`]*?(?<![\w./@-])pdvol(?![\w/.@-])""")

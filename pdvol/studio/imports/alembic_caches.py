@@ -29,7 +29,7 @@ def read_alembic(path: Path, prim: str = "") -> tuple[AnimatedMesh, str]:
         import alembic3d.AbcGeom  # noqa: F401
     except ImportError as error:
         raise InputError(
-            "Alembic files need the package alembic3d: pip install alembic3d, or pdvol[alembic]; export PC2 otherwise"
+            "Alembic files need the package alembic3d: pip install alembic3d; export PC2 otherwise"
         ) from error
     found = read_in_child_process(path, _read, prim)
     where = f"{path}: the mesh {found['name']}"

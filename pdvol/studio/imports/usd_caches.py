@@ -21,7 +21,7 @@ def read_usd(path: Path, prim: str = "", fps: float | None = None) -> tuple[Anim
     try:
         from pxr import Tf, Usd, UsdGeom
     except ImportError as error:
-        raise InputError("USD files need the package usd-core: pip install usd-core, or pdvol[usd]") from error
+        raise InputError("USD files need the package usd-core: pip install usd-core") from error
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:

@@ -112,7 +112,7 @@ def seek(
             warnings.simplefilter("ignore")  # cma warns at import where matplotlib's pyplot is not wanted
             import cma
     except ModuleNotFoundError as error:
-        raise InputError("--seek needs the package cma: pip install 'pdvol[seek]'") from error
+        raise InputError("--seek needs the package cma: pip install cma") from error
     dimensions = max(count, 2)  # cma takes no single parameter: one that nothing depends on is added
     done = 0
     for restart in range(MOST_RESTARTS):  # from the middle first, then from random places
