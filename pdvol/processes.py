@@ -44,7 +44,7 @@ def without_launcher() -> dict[str, str]:
     """
     env = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHER_PREFIXES)}
     env["OMP_NUM_THREADS"] = "1"
-    if not {"", os.getcwd()} & set(sys.path):
+    if sys.path[0] not in ("", os.getcwd()):
         env["PYTHONSAFEPATH"] = "1"
     return env
 

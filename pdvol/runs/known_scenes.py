@@ -49,11 +49,33 @@ def allow(file: Path, given: Any = None, trusted: bool = True) -> None:
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror or error}") from error
     line = hashlib.sha256(data + (b"\0" + json.dumps(texts).encode() if texts else b"")).hexdigest()
-    if line in _here or line in _known():
-        return
-    if not (trusted or _trusts[-1]):
+    if not (trusted or _trusts[-1] or _is_known(line)):
         with_it = f" with {', '.join(map(repr, texts))}" if texts else ""
         raise InputError(f"the file {file} has not run here as it is now{with_it}: look at it, then add --trust")
+    _note(line)
+
+
+def note_run(run: Path, file: Path) -> None:
+    """Note that the user has made a run of a scene file here."""
+    _note(_run_line(run, file))
+
+
+def is_own_run(run: Path, file: Path) -> bool:
+    """Whether the user has made this run of this scene file here, who may have edited the file since."""
+    return _is_known(_run_line(run, file))
+
+
+def _run_line(run: Path, file: Path) -> str:
+    return hashlib.sha256(os.fsencode(run.resolve()) + b"\0of\0" + os.fsencode(file.resolve())).hexdigest()
+
+
+def _is_known(line: str) -> bool:
+    return line in _here or line in _known()
+
+
+def _note(line: str) -> None:
+    if _is_known(line):
+        return
     _here.add(line)
     with suppress(OSError):
         _list().parent.mkdir(parents=True, exist_ok=True)

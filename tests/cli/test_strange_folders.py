@@ -5,12 +5,16 @@ The user has made a wedge of a scene; another wedge or study of that scene comes
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from cli_scenes import FALL, pdvol, write
+from pdvol.runs import known_scenes
 from pdvol.runs.scene_file import load_shot
+from pdvol.store.reader import open_run
 
 SCENE = "from os import system\nimport beside\n" + FALL.replace("def scene(", "def scene(mark='', ").replace(
     "    return Scene(", "    if mark:\n        open(mark, 'w').close()\n    return Scene(", 1
@@ -47,7 +51,8 @@ def made(tmp_path_factory):
     words = ("--steps", 2, "--vary", "height=0.02,0.03", "--score", "quiet()", "--no-picture", "--jobs", 1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(work / "state"))
-        assert pdvol("wedge", scene, *words, "-o", work / "w") == 0
+        assert pdvol("wedge", scene, *words, "-o", work / "made") == 0
+        (work / "made").rename(work / "w")  # as one from elsewhere
         shot = load_shot(scene)
     point = {
         "changes": {}, "words": ["--levels", "0:0", "--steps", "2"], "method": "progressive",
@@ -69,6 +74,7 @@ def work(made, tmp_path, monkeypatch):
     """The user's folder as it was; `tmp_path` is outside of it."""
     shutil.rmtree(made / "work")
     monkeypatch.setenv("XDG_STATE_HOME", str(made / "work" / "state"))
+    monkeypatch.setattr(known_scenes, "_here", set())  # as in a new process
     monkeypatch.chdir(shutil.copytree(made / "kept", made / "work"))
     (tmp_path / "trap.py").write_text(TRAP.format(str(tmp_path / "sprung")))
     return made / "work"
@@ -211,3 +217,17 @@ def test_the_users_own_folders_need_no_trust(work):
     assert pdvol("pick", "v", 0, "-o", "picked", "--refine", *SHORT) == 0
     assert pdvol("refine", "v/1", "--to", 1, *SHORT) == 0
     assert pdvol("run", "fall.py", "--study", "s", "--time", "1h", "-o", "new", *SHORT) == 0
+
+
+def test_files_in_the_working_folder_are_no_modules_of_pdvol(work, tmp_path):
+    """Nor of the processes that it starts. Values reach these to the last bit."""
+    for name in ("numpy.py", "tqdm.py", "mpi4py.py", "json.py"):
+        shutil.copy(tmp_path / "trap.py", work / name)
+    words = ("wedge", "fall.py", "--steps", "2", "--vary", f"dt={1 / 240!r},{1 / 120!r}", "--set", f"young={1e4 / 3!r}")
+    more = ("--no-picture", "--jobs", "1", "-o", "v")
+    ended = subprocess.run([sys.executable, "-P", "-m", "pdvol", *words, *more], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert not (tmp_path / "sprung").exists()
+    found = [open_run(work / "v" / str(number)).info for number in range(2)]
+    assert [info["dt"] for info in found] == [1 / 240, 1 / 120]
+    assert [info["parameters"]["young"] for info in found] == [1e4 / 3, 1e4 / 3]

@@ -89,4 +89,4 @@ def test_such_lines_are_found(text):
 
 TEXTS = {".py", ".md", ".toml", ".yaml", ".yml", ".ipynb", ".sh", ".cff", ".rst", ".html", ".txt", ""}
 TOPS = ("benchmarks", "blender", "demos", "docs", "forms", "joss", "meshes", "packaging", "pdvol", "tests")
-BY_NAME = re.compile(r"""pip3?\W+install\b[^\n;|&`#]*?(?<![\w./@-])pdvol(?![\w/.@-])""")
+BY_NAME = re.compile(r"""pip3?\W+install\b[\w \t'",=<>[\]-]*?(?<![\w./@-])pdvol(?![\w/.@-])""")
