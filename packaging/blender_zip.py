@@ -1,6 +1,7 @@
 """Blender's extension as a zip that Blender installs:  python packaging/blender_zip.py [OUT]
 
-OUT is build/pdvol-VERSION.zip where it is left out. The same files give the same zip.
+OUT is build/pdvol-VERSION.zip where it is left out. The same files give the same zip. It has the wheel that dist/ has,
+which the extension installs: python -m build -w
 """
 
 import sys
@@ -15,8 +16,14 @@ EPOCH = (2020, 1, 1, 0, 0, 0)  # of all files in the zip
 
 
 def files() -> list[Path]:
-    """What the extension consists of: its modules, its manifest, and the licence."""
-    return [SOURCE / MANIFEST, *sorted(SOURCE.rglob("*.py")), ROOT / "COPYING", ROOT / "COPYING.LESSER"]
+    """What the extension consists of: its modules, its manifest, the licence, and the wheel of its version."""
+    wheels = sorted((ROOT / "dist").glob(f"pdvol-{version()}-*.whl"))
+    return [SOURCE / MANIFEST, *sorted(SOURCE.rglob("*.py")), ROOT / "COPYING", ROOT / "COPYING.LESSER", *wheels]
+
+
+def version() -> str:
+    """That of the extension."""
+    return str(tomllib.loads((SOURCE / MANIFEST).read_text())["version"])
 
 
 def write(out: Path) -> Path:
@@ -33,8 +40,7 @@ def write(out: Path) -> Path:
 
 def main() -> None:
     """Write the zip, and print its path."""
-    version = tomllib.loads((SOURCE / MANIFEST).read_text())["version"]
-    print(write(Path(sys.argv[1]) if sys.argv[1:] else ROOT / "build" / f"pdvol-{version}.zip"))
+    print(write(Path(sys.argv[1]) if sys.argv[1:] else ROOT / "build" / f"pdvol-{version()}.zip"))
 
 
 if __name__ == "__main__":

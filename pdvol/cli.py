@@ -14,6 +14,7 @@ from typing import NoReturn
 from pdvol.commands.simulation import this_rank
 from pdvol.errors import InputError, PdvolError, SeveralErrors, SimulationError
 from pdvol.registry import COMMANDS
+from pdvol.runs.known_scenes import trusting
 from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import reported_to
 
@@ -47,7 +48,7 @@ def run(arguments: Sequence[str]) -> int:
             stream.reconfigure(errors="backslashreplace")  # names may not fit the terminal's encoding
     try:
         options = parse(arguments)
-        with reported_to(StageLines(rank=this_rank)):
+        with reported_to(StageLines(rank=this_rank)), trusting(getattr(options, "trust", False)):
             return COMMANDS[options.command].main(options) or 0
     except InputError as error:
         return _end(error, 2)

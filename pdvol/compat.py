@@ -30,7 +30,7 @@ try:
     from petsc4py import PETSc
 except ImportError as error:
     raise InputError(
-        f"no dolfinx that works ({error}); see docs/install.md, or run: pip install 'pdvol[solver]'"
+        f"no dolfinx that works ({error}); see docs/install.md, or run in a checkout: pip install '.[solver]'"
     ) from error
 
 with contextlib.suppress(ValueError):  # not from a thread

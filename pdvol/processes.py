@@ -6,6 +6,7 @@ import math
 import os
 import resource
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -38,9 +39,13 @@ def give_memory_back() -> None:
 
 
 def without_launcher() -> dict[str, str]:
-    """The environment of a child that is no MPI rank, with one thread."""
+    """The environment of a child that is no MPI rank, with one thread. It finds modules in the working folder, which
+    may have files from elsewhere, only where this process does.
+    """
     env = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHER_PREFIXES)}
     env["OMP_NUM_THREADS"] = "1"
+    if sys.path[0] not in ("", os.getcwd()):
+        env["PYTHONSAFEPATH"] = "1"
     return env
 
 

@@ -15,8 +15,8 @@ import sys
 import traceback
 from typing import TextIO
 
-LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build", "pdvol.potentials.contact.friction")
-"""What every run of a scene with contact imports."""
+LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build")
+"""What every run imports."""
 
 INTERRUPTED = 130  # exit code of a command line that was requested to end, as `pdvol.cli` gives it
 MOST_MEMORY = 2_000_000  # kilobytes of peak memory after which the process ends: another one then starts small

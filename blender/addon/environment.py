@@ -9,7 +9,10 @@ from pathlib import Path
 import bpy
 
 from ..shot.description import ShotError
+from ..work.commands import install_source
 
+EXTENSION = Path(__file__).parents[1]
+"""The folder of the extension's files."""
 PACKAGE = __package__.rpartition(".")[0]
 """The extension's name in Blender's list of add-ons."""
 COMMAND = "PDVOL_COMMAND"
@@ -51,12 +54,14 @@ def pdvol_words(context: bpy.types.Context) -> list[str]:
 
 
 def install_commands(folder: Path, source: str) -> list[list[str]]:
-    """The command lines that make the environment and install `source` there; ShotError where no Python will do."""
+    """The command lines that make the environment and install `source` there; ShotError where no Python, or no source,
+    will do.
+    """
     python = _python()
     inside = str(own_pdvol(folder).with_name("python.exe" if os.name == "nt" else "python"))
     return [
         [python, "-m", "venv", "--clear", str(folder / "venv")],
-        [inside, "-m", "pip", "install", "--no-input", "--progress-bar", "off", source or "pdvol[solver]"],
+        [inside, "-m", "pip", "install", "--no-input", "--progress-bar", "off", install_source(source, EXTENSION)],
         [str(own_pdvol(folder)), "--version"],
     ]
 

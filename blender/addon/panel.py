@@ -139,7 +139,8 @@ class PDVOL_Preferences(bpy.types.AddonPreferences):
         name="Command", description="The words that start pdvol, as /opt/pdvol/run pdvol; its own where empty"
     )
     source: StringProperty(
-        name="Install from", description="What pip installs: a name, a wheel or a folder", default="pdvol[solver]"
+        name="Install from",
+        description="A wheel, or a checkout as /home/me/pdvol[solver]; the extension's own wheel where empty",
     )
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -134,7 +134,7 @@ def scene_text(shot: Shot, places: Places) -> str:
         lines += _listed("loads", [f"Gravity({tuple(shot.gravity)!r})"])
     friction = ", Friction(friction)" if shot.friction > 0.0 else ""
     lines.append(f"        contact=(Barrier(){friction}{',' if not friction else ''}),")
-    lines.append(f"        dt=1 / {shot.fps * shot.steps_a_frame:.12g},")
+    lines.append(f"        dt=1 / {shot.fps * shot.steps_a_frame:.17g},")
     lines += [f"        steps={shot.frames * shot.steps_a_frame},", "    )"]
     text = "\n".join(lines) + "\n"
     used = [name for name in IMPORTABLE if f"{name}(" in text]

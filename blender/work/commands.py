@@ -3,7 +3,33 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
+from ..shot.description import ShotError
+
 QUIET = ("--no-picture", "--no-xdmf")  # Blender draws
+
+
+def install_source(given: str, extension: Path) -> str:
+    """What pip installs: what the user gives, or the wheel in the extension's folder, with the solver.
+
+    It is never a name, which pip would look for on the package index, where pdvol is not and anyone could put it.
+
+    Raises
+    ------
+    ShotError
+        It is neither a wheel, nor a checkout, nor an address with its digest.
+    """
+    wheels = sorted(extension.glob("pdvol-*.whl"))
+    source = given.strip() or (f"{wheels[-1]}[solver]" if wheels else "")
+    place, bracket, extras = source.partition("[")
+    if place and Path(place).exists():
+        return f"{Path(place).absolute()}{bracket}{extras}"
+    if "://" in source and "#sha256=" in source:
+        return source
+    raise ShotError(
+        "Install from: give a wheel or a checkout of pdvol, as /home/me/pdvol[solver], or an address with its #sha256="
+    )
 
 
 def check(scene: Path, findings: Path) -> list[str]:
@@ -39,8 +65,9 @@ def branch(scene: Path, source: Path, step: int, run: Path, last: int) -> list[s
 
 
 def wedge(scene: Path, out: Path, name: str, first: float, last: float, count: int) -> list[str]:
-    """Many variations of level 0, and their contact sheet."""
-    return ["wedge", str(scene), "--vary", f"{name}={first:.6g}:{last:.6g}:{count}", "-o", str(out), "--tiles"]
+    """Many variations of level 0, and their contact sheet; the ends are Blender's numbers, of single precision."""
+    ends = f"{np.float32(first)!s}:{np.float32(last)!s}"
+    return ["wedge", str(scene), "--vary", f"{name}={ends}:{count}", "-o", str(out), "--tiles"]
 
 
 def pick(out: Path, number: int, run: Path) -> list[str]:
@@ -50,5 +77,5 @@ def pick(out: Path, number: int, run: Path) -> list[str]:
 
 def export(run: Path, level: int, fps: float, out: Path) -> list[str]:
     """A level as point caches at the frames of Blender's scene."""
-    frames = ["--levels", f"{level}:{level}", "--fps", f"{fps:.12g}", "--no-crossings"]
+    frames = ["--levels", f"{level}:{level}", "--fps", f"{fps:.17g}", "--no-crossings"]
     return ["export", str(run), "--format", "pc2", *frames, "-o", str(out)]

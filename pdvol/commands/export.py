@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, add_run_scene, allow_scenes, number, stored_levels
+from pdvol.commands.options import add_levels, add_trust, number, stored_levels
 from pdvol.registry import FORMATS, SHOWN_SURFACES
 
 
@@ -25,7 +25,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--no-crossings", action="store_true", help="do not look where render meshes cross, which may take longest"
     )
     add_levels(parser)
-    add_run_scene(parser)
+    add_trust(parser)
 
 
 def main(options: Namespace) -> None:
@@ -33,7 +33,6 @@ def main(options: Namespace) -> None:
     from pdvol.store.reader import open_run
     from pdvol.studio.export.exports import export_run
 
-    allow_scenes(options, options.run)
     levels = stored_levels(options.levels, open_run(options.run))
     written, notes = export_run(
         options.run,

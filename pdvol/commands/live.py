@@ -53,7 +53,7 @@ def main(options: Namespace) -> None:
     except ModuleNotFoundError as error:
         if error.name != "viser":
             raise
-        raise InputError("the live page needs viser: pip install 'pdvol[live]'") from None
+        raise InputError("the live page needs viser: pip install 'viser<1.2'") from None
     settings = parse_settings(options.set)
     shown = controls(options.scene, settings, options.vary)
     server = LocalServer(options.host, options.port, f"pdvol live: {shot.name}")

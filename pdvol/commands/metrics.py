@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_run_scene, allow_scenes
+from pdvol.commands.options import add_trust
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -11,7 +11,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("--against", type=Path, metavar="RUN", help="another run of the same shot, to compare with")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
-    add_run_scene(parser)
+    add_trust(parser)
 
 
 def main(options: Namespace) -> None:
@@ -20,7 +20,6 @@ def main(options: Namespace) -> None:
     from pdvol.stages import stage
     from pdvol.studio.draw.plots import plot_metrics
 
-    allow_scenes(options, options.run, *([] if options.against is None else [options.against]))
     result = write_metrics(options.run, options.against, options.json)
     with stage("drawing metrics.png"):
         plot_metrics(options.run / "metrics.png", [result, *([result["against"]] if "against" in result else [])])

@@ -91,22 +91,14 @@ def chosen_ranks(options: Namespace) -> int | None:
     return whole_number("--ranks", options.ranks) if options.ranks else None
 
 
-def add_run_scene(parser: ArgumentParser) -> None:
-    """`--run-scene`, for `allow_scenes`."""
+def add_trust(parser: ArgumentParser) -> None:
+    """`--trust`, which the command line carries out."""
     parser.add_argument(
-        "--run-scene", action="store_true", help="run the scene file that a run from elsewhere names; look at it before"
+        "--trust",
+        "--run-scene",
+        action="store_true",
+        help="run the scene and the scores that a folder from elsewhere names; look at them before",
     )
-
-
-def allow_scenes(options: Namespace, *runs: Path) -> None:
-    """With `--run-scene`, let the scene files of these runs be run."""
-    if options.run_scene:
-        from pdvol.runs.known_scenes import remember
-        from pdvol.runs.scene_file import stored_file
-        from pdvol.store.reader import open_run
-
-        for run in runs:
-            remember(stored_file(open_run(run).info))
 
 
 def add_levels(parser: ArgumentParser) -> None:

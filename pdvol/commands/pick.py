@@ -7,9 +7,8 @@ from pathlib import Path
 from pdvol.commands.options import (
     add_outputs,
     add_ranks,
-    add_run_scene,
+    add_trust,
     add_wavefront,
-    allow_scenes,
     chosen_ranks,
     whole_number,
 )
@@ -26,7 +25,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_wavefront(parser)
     add_ranks(parser)
     add_outputs(parser)
-    add_run_scene(parser)
+    add_trust(parser)
 
 
 def main(options: Namespace) -> None:
@@ -35,34 +34,38 @@ def main(options: Namespace) -> None:
     from pdvol.stages import stage
 
     with stage("loading the solver"):
-        from pdvol.runs.known_scenes import require_known
+        from pdvol.runs.known_scenes import allow
         from pdvol.runs.runner import refine_run
         from pdvol.runs.scene_file import stored_file, stored_shot
+        from pdvol.store.folder import require_scene
         from pdvol.store.reader import open_run
         from pdvol.studio.wedge.pick import chosen_run, level_lines, take_out
+        from pdvol.studio.wedge.scores import chosen_scores
 
     last = whole_number("--to", options.to) if options.to else None
     if last is not None and not options.refine:
         raise InputError("--to is the finest level of --refine; add --refine")
     source, entry = chosen_run(options.wedge, options.number)
     stored = open_run(source).info
-    out = options.out or Path("runs") / f"{stored['scene']}_pick{entry['number']}"
-    allow_scenes(options, source)
-    require_known(stored_file(stored))
+    require_scene(source, stored)
+    out = options.out or Path("runs") / f"{Path(stored['scene']).name}_pick{entry['number']}"
+    file = stored_file(stored)
+    allow(file, stored["parameters"], trusted=False)
+    scores = chosen_scores(list(entry["scores"]), file, trusted=False)
+    if options.refine:
+        with stage(f"loading {file}"):
+            finest = stored_shot(stored).scene.levels - 1
     take_out(source, out)
     if options.refine:
-        if last is None:
-            with stage(f"loading the scene of {out}"):
-                last = stored_shot(open_run(out).info).scene.levels - 1
         refine_run(
             out,
-            last,
+            finest if last is None else last,
             progress=progress_report(),
             wavefront=options.wavefront,
             xdmf=not options.no_xdmf,
             ranks=chosen_ranks(options),
         )
-    for line in level_lines(out, entry["scores"]):
+    for line in level_lines(out, scores):
         print(line)
     if not options.refine:
         print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_levels, add_run_scene, allow_scenes, stored_levels
+from pdvol.commands.options import add_levels, add_trust, stored_levels
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--no-render-meshes", action="store_true", help="leave render meshes out: a smaller file, with more states"
     )
-    add_run_scene(parser)
+    add_trust(parser)
 
 
 def main(options: Namespace) -> None:
@@ -52,7 +52,6 @@ def main(options: Namespace) -> None:
     if options.every is not None and options.every < 1:
         raise InputError(f"--every: {options.every} is too small; 1 stores every state")
     require_place(out.parent)
-    allow_scenes(options, *options.runs)
     panes, columns, title = chosen_panes(options)
     panes = [replace(pane, detailed=not options.no_render_meshes) for pane in panes]
     panes, notes = thinned(panes, options.every), list[str]()

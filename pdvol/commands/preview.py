@@ -40,7 +40,6 @@ def main(options: Namespace) -> None:
                 print(f"pdvol: {error}", file=sys.stderr)
             print(f"watching {options.scene}; stop with Ctrl-C", file=sys.stderr)
             _wait_for_save(options.scene, before)
-            _forget_modules(options.scene)
     except KeyboardInterrupt:
         return
 
@@ -95,12 +94,3 @@ def _sources(scene: Path) -> dict[Path, int]:
         except FileNotFoundError:  # between the two steps of an editor's save
             continue
     return found
-
-
-def _forget_modules(scene: Path) -> None:
-    """Let the modules beside the scene be read again."""
-    folder = scene.resolve().parent
-    for name, module in list(sys.modules.items()):
-        file = getattr(module, "__file__", None)
-        if file and Path(file).resolve().parent == folder:
-            del sys.modules[name]

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_wavefront, chosen_ranks
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -13,6 +13,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_wavefront(parser)
     add_ranks(parser)
     add_outputs(parser)
+    add_trust(parser)
 
 
 def main(options: Namespace) -> None:

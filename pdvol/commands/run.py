@@ -11,6 +11,7 @@ from pdvol.commands.options import (
     add_outputs,
     add_prolongation,
     add_ranks,
+    add_trust,
     add_wavefront,
     chosen_ranks,
     chosen_shot,
@@ -49,6 +50,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--accuracy", default="", metavar="LENGTH", help="settings of a study: 5mm or 1%% at the end")
     parser.add_argument("--time", default="", metavar="TIME", help="settings of a study: 90s or 10min of CPU time")
     parser.add_argument("--study", type=Path, metavar="DIR", help="the study to take them from")
+    add_trust(parser)
 
 
 def main(options: Namespace) -> None:

@@ -312,7 +312,7 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
     if keeper is not None and lines != "none":
         shows = reported_to(StageLines(cast(TextIO, _Sent(keeper, lines == "terminal"))))
     with shows:
-        shot = stored_shot(info)
+        shot = stored_shot(info, trusted=True)  # the keeper has just run it
         meshes = [stored.mesh for stored in run.levels[: level + 1]]
         places = on_root(comm, lambda: _places(run, level, shot.scene.steps)) if level and comm.size > 1 else None
         hierarchy = Hierarchy(meshes, comm, info["prolongation"], places)

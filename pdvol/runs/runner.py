@@ -24,6 +24,7 @@ from pdvol.levels.script import Obstacle
 from pdvol.levels.start import start_positions
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
+from pdvol.runs.known_scenes import is_own_run, note_run
 from pdvol.runs.launcher import chosen_ranks, require_ranks
 from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
@@ -161,11 +162,11 @@ def refine_run(
     """
     info = on_root(comm, lambda: _scene_info(out))
     try:
-        stored_file(info)
+        file = stored_file(info)
     except InputError as error:
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
-    shot, how = stored_shot(info), (info["method"], info["prolongation"])
+    shot, how = stored_shot(info, is_own_run(Path(out), file)), (info["method"], info["prolongation"])
     return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks)
 
 
@@ -335,6 +336,8 @@ def _open_writer(
     replace: bool,
 ) -> RunWriter:
     scene, meshes, kept, mended = shot.scene, levels.meshes, levels.kept, levels.mended
+    if shot.file is not None:
+        note_run(out, shot.file)
     velocities, drawn = (
         [initial_velocity(scene, mesh, start_positions(scene, mesh, level)) for level, mesh in enumerate(meshes)],
         stored_obstacles(obstacles, scene.dt, scene.steps),

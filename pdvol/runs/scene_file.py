@@ -1,20 +1,17 @@
 """A scene file and its parameters: loading, settings, and a description by which shots are compared."""
 
 import ast
-import importlib.util
 import inspect
 import re
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.machinery import SOURCE_SUFFIXES, SourceFileLoader
 from pathlib import Path
-from types import CodeType, ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.registry import STUDIO
-from pdvol.runs.known_scenes import remember
+from pdvol.runs.known_scenes import allow
+from pdvol.runs.scene_modules import error_text, load_module
 from pdvol.scene import Pascal, Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
@@ -106,10 +103,10 @@ def stored_file(info: Mapping) -> Path:
     return Path(file)
 
 
-def stored_shot(info: Mapping) -> Shot:
+def stored_shot(info: Mapping, trusted: bool = False) -> Shot:
     """The shot that `run.json` describes, with its settings and steps; raises as `stored_file` and `load_shot`."""
     settings = {name: stored_value(value) for name, value in info["parameters"].items()}
-    return load_shot(stored_file(info), settings, info["steps"])
+    return load_shot(stored_file(info), settings, info["steps"], trusted)
 
 
 def stored_value(value: Any) -> Any:
@@ -122,16 +119,23 @@ def stored_value(value: Any) -> Any:
     return value
 
 
-def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:
+def load_shot(
+    file: str | Path, settings: Mapping | None = None, steps: int | None = None, trusted: bool = True
+) -> Shot:
     """Runs a scene file's `scene(**parameters)`; settings of the solver and the penalty go there instead.
+
+    Parameters
+    ----------
+    trusted : whether it may run if it, or a module beside it, has not run here before, with these texts in settings
 
     Raises
     ------
     InputError
-        The file is missing or broken, has no `scene`, or a name is unknown; one line says which.
+        The file is missing or broken, has no `scene`, must not run, or a name is unknown; one line says which.
     """
     file, settings = Path(file), dict(settings or {})
-    make = _scene_function(file)
+    make = _scene_function(file, trusted)
+    allow(file, settings, trusted)
     accepted, general, anything = _names(make)
     _check_names(file, make, settings)
     given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
@@ -141,14 +145,13 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
         raise
     except (Exception, SystemExit) as error:
         raise InputError(
-            f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_error_text(error)}"
+            f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {error_text(error)}"
         ) from error
     if not isinstance(scene, Scene):
         raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
     scene = scene.with_settings(**{name: value for name, value in settings.items() if name not in given})
     if steps is not None:
         scene = replace(scene, steps=steps)
-    remember(file)
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))
 
 
@@ -188,47 +191,11 @@ def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
     return list(parameters), SETTINGS.keys() - set(parameters), anything
 
 
-class _Compiled(SourceFileLoader):
-    """Compiles a file each time, without Python's cache: that takes an edit of the same length within a second for
-    none, and would lie beside the user's file.
-    """
-
-    def get_code(self, fullname: str) -> CodeType:
-        return self.source_to_code(self.get_data(self.path), self.path)
-
-
-def load_module(file: Path) -> ModuleType:
-    """A scene file, or another Python file of the user's, as a module; InputError where it cannot be read.
-
-    It may import modules that lie beside it: its folder becomes the last one that Python searches.
-    """
-    if not file.is_file():
-        raise InputError(f"there is no scene file {file}")
-    name = f"pdvol_scene_{file.stem}"
-    spec = importlib.util.spec_from_file_location(name, file, loader=_Compiled(name, str(file)))
-    if file.suffix not in SOURCE_SUFFIXES or spec is None or spec.loader is None:
-        raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
-    module = importlib.util.module_from_spec(spec)
-    folder = str(file.resolve().parent)
-    if folder not in sys.path:
-        sys.path.append(folder)
-    try:
-        spec.loader.exec_module(module)
-    except PdvolError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise InputError(f"{file} could not be read: {_error_text(error)}") from error
-    return module
-
-
-def _scene_function(file: Path) -> Callable[..., Scene]:
+def _scene_function(file: Path, trusted: bool = True) -> Callable[..., Scene]:
     if file.suffix.lower() == ".json" and file.is_file():
+        allow(file, trusted=trusted)
         return STUDIO["polyfem_scene"](file)
-    make = getattr(load_module(file), "scene", None)
+    make = getattr(load_module(file, trusted), "scene", None)
     if not callable(make):
         raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")
     return make
-
-
-def _error_text(error: BaseException) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"

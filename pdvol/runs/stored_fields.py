@@ -20,8 +20,7 @@ from pdvol.parallel import on_root
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.stress import CauchyStress, von_mises
 from pdvol.registry import FORMATS
-from pdvol.runs.known_scenes import require_known
-from pdvol.runs.scene_file import DEFAULTS, stored_file, stored_shot
+from pdvol.runs.scene_file import DEFAULTS, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.stages import stage
@@ -127,7 +126,6 @@ def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
     """
     info = run.info
     require_scene(run.path, info)
-    require_known(stored_file(info))
     shot = stored_shot(info)
     changed = differences({**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()})
     if changed:

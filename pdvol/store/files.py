@@ -114,6 +114,18 @@ def require_place(folder: Path) -> None:
         raise InputError(f"{there} cannot be written; choose a folder of yours")
 
 
+def require_no_link_out(folder: Path, root: Path | None = None) -> None:
+    """InputError where a link in a folder, which may be from elsewhere, leads out of it."""
+    root = folder.resolve() if root is None else root
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_symlink():
+                if not Path(entry.path).resolve().is_relative_to(root):
+                    raise InputError(f"{entry.path} is a link that leads out of the folder; put there what it links to")
+            elif entry.is_dir():
+                require_no_link_out(Path(entry.path), root)
+
+
 def require_writable(file: Path) -> None:
     """InputError where a file cannot be written."""
     if file.is_dir() or not os.access(file.parent, os.W_OK):

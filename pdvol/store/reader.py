@@ -13,7 +13,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store.files import lock, read_array, read_arrays
+from pdvol.store.files import lock, read_array, read_arrays, require_no_link_out
 from pdvol.store.folder import OLD_FORMAT, late_file, level_folder, read_info
 from pdvol.store.log import read_log
 from pdvol.store.obstacles import DrawnObstacle, read_obstacles
@@ -240,6 +240,7 @@ class Run:
         self.path = Path(path)
         self._log: tuple[tuple[int, int] | None, dict[int, dict[int, dict]]] = None, {}
         self.info = read_info(self.path)
+        require_no_link_out(self.path)
         if self.info.get("state") == "creating":
             raise InputError(f"{self.path}: the run was interrupted before its first step; start it again")
         if not self.info["levels"]:

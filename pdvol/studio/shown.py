@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pdvol.errors import InputError
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
 from pdvol.store.series import in_3d
@@ -102,6 +103,15 @@ def closed_loops(edges: np.ndarray) -> list[list[int]]:
 
 
 def wedge_run(folder: Path, number: int | str, name: str) -> Path:
-    """The run folder of a wedge's variation: `w/17`, or `w/runs/NAME` where pdvol 0.3 has made it."""
+    """The run folder of a wedge's variation: `w/17`, or `w/runs/NAME` where pdvol 0.3 has made it.
+
+    Raises
+    ------
+    InputError
+        It lies outside of the wedge's folder.
+    """
     old = folder / "runs" / name
-    return old if old.is_dir() else folder / str(number)
+    run = old if old.is_dir() else folder / str(number)
+    if not run.resolve().is_relative_to(folder.resolve()):
+        raise InputError(f"{folder}: the run of variation {number}, {run}, lies outside of that folder; put it there")
+    return run

@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
+from blender.shot.description import ShotError
 from blender.shot.files import read_pc2
 from blender.shot.scene_text import write_shot
 from blender.work import commands
@@ -257,3 +258,27 @@ def test_an_export_of_something_else_is_an_error_that_is_said(tmp_path):
     write_objects(at.play(1), [Played("bar", "Bar", 1, 1.0, [np.eye(4).tolist()])])
     with pytest.raises(OSError):
         make_caches(at, at.folder / "export", 1, 0)
+
+
+def test_pip_gets_a_file_and_never_a_name(tmp_path, monkeypatch):
+    """Also where a folder of that name lies in the working folder: pip would take `pdvol[solver]` for a name."""
+    with pytest.raises(ShotError, match="give a wheel or a checkout"):
+        commands.install_source("", tmp_path)
+    wheel = tmp_path / "pdvol-0.3.0-py3-none-any.whl"
+    wheel.touch()
+    assert commands.install_source(" ", tmp_path) == f"{wheel}[solver]"
+    (tmp_path / "pdvol").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert commands.install_source("pdvol[solver]", tmp_path) == f"{tmp_path / 'pdvol'}[solver]"
+    pinned = "https://example.org/pdvol-0.3.0-py3-none-any.whl#sha256=" + 64 * "0"
+    assert commands.install_source(pinned, tmp_path) == pinned
+    for name in (
+        "pdvol-solver",
+        "pdvol==0.3",
+        "pdvol3[solver]",
+        "--index-url=http://example.org",
+        pinned[:50],
+        "git+x",
+    ):
+        with pytest.raises(ShotError, match="give a wheel or a checkout"):
+            commands.install_source(name, tmp_path)

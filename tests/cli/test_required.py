@@ -1,5 +1,9 @@
 """A scene loads and builds only the terms that it uses. `pdvol info` lists these terms."""
 
+import json
+import subprocess
+import sys
+
 import pytest
 from mpi4py import MPI
 
@@ -101,3 +105,40 @@ def test_each_term_is_there_because_it_is_asked_for():
     down = Gravity((0.0, -9.81))
     assert terms(loads=(down, Impulse((1.0, 0.0)), Flow((1.0, 0.0)))) == ["elastic", "load", "load", "drag"]
     assert terms(Barrier(), Friction(0.3), loads=(down,)) == ["elastic", "load", "barrier", "friction"]
+
+
+WITHOUT_CONTACT = """
+import sys
+import pdvol
+from pdvol.cli import run
+from pdvol.runs.scene_file import load_shot
+
+scene = load_shot("disc.py").scene
+{call}
+print(*sorted(name for name in sys.modules if name.startswith("pdvol.potentials.contact")))
+"""
+CALLS = {
+    "run": "assert run(['run', 'disc.py', '--set', 'levels=2', '-o', 'out', '--no-picture']) == 0",
+    "check": "assert run(['check', 'disc.py']) == 0",
+    "a run in memory": "pdvol.run(scene, progress=False)",
+    "march": "assert len(list(pdvol.march(scene))) == 2",
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_without_contact_none_of_it_is_imported(file, call):
+    words = [sys.executable, "-c", WITHOUT_CONTACT.format(call=CALLS[call])]
+    ended = subprocess.run(words, cwd=file.parent, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.splitlines()[-1] == ""
+
+
+def test_nor_in_a_process_that_carries_out_a_wedge(file, tmp_path):
+    """It has all libraries loaded before a scene is known."""
+    listing = "import sys\ndef scene():\n    open('loaded', 'w').write(' '.join(sys.modules))\n"
+    (tmp_path / "disc.py").write_text(listing)
+    line = json.dumps({"words": ["info", "disc.py"], "log": str(tmp_path / "log")}) + "\n"
+    words = [sys.executable, "-m", "pdvol.worker"]
+    assert subprocess.run(words, input=line, cwd=tmp_path, capture_output=True, text=True).returncode == 0
+    loaded = (tmp_path / "loaded").read_text().split()
+    assert "pdvol.runs.runner" in loaded and not any("potentials.contact" in name for name in loaded)

@@ -55,7 +55,7 @@ def test_its_scene_file_is_not_run_unseen(strange, capsys, monkeypatch, words, n
     monkeypatch.chdir(strange.parent)
     command, *options = words
     sprung = strange.with_name("sprung")
-    for more, springs in (((), False), (("--run-scene",), True), ((), True)):
+    for more, springs in (((), False), (("--trust",), True), ((), True)):
         sprung.unlink(missing_ok=True)
         capsys.readouterr()
         assert pdvol(command, strange, *options, *more) == 0

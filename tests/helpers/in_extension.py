@@ -878,7 +878,7 @@ def the_extension_is_installed(folder: Path) -> None:
     assert sys.modules[name].__file__.startswith(str(folder))
     environment = sys.modules[f"{name}.addon.environment"]
     preferences = bpy.context.preferences.addons[name].preferences
-    assert environment.PACKAGE == name and preferences.source == "pdvol[solver]"
+    assert environment.PACKAGE == name and preferences.source == ""
     assert environment.own_folder().is_dir() and "pdvol" in environment.own_folder().parts
     words, own = os.environ.pop("PDVOL_COMMAND"), sys.modules[f"{name}.addon.tasks"]
     preferences.command = words

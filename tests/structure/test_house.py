@@ -208,7 +208,7 @@ def test_without_dolfinx_a_command_says_in_one_line_what_to_install(tmp_path):
         timeout=SAFETY,
     )
     assert ended.returncode == 2 and ended.stderr.count("\n") == 1
-    assert "no dolfinx" in ended.stderr and "pip install 'pdvol[solver]'" in ended.stderr
+    assert "no dolfinx" in ended.stderr and "pip install '.[solver]'" in ended.stderr
 
 
 def test_ranks_of_another_mpi_are_refused(tmp_path):

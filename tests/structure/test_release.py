@@ -4,6 +4,8 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+
 import pdvol
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,3 +60,33 @@ def test_one_licence():
 def test_copied_code_has_its_licence_beside_it():
     copied = [file for file in (ROOT / "pdvol").rglob("vendor/**/*") if file.is_file()]
     assert copied and all((file.parent / "LICENSE").is_file() for file in copied)
+
+
+def test_nothing_installs_pdvol_by_a_name_that_anyone_could_register():
+    """Until it is registered: pip gets a wheel, a checkout, or an address with its digest."""
+    files = [*ROOT.iterdir(), *(file for top in TOPS for file in (ROOT / top).rglob("*"))]
+    texts = [file for file in files if file.is_file() and file.suffix in TEXTS and file != Path(__file__)]
+    texts.remove(ROOT / "CHANGELOG.md")  # what former releases said
+    assert len(texts) > 300
+    for file in texts:
+        found = BY_NAME.search(file.read_text(encoding="utf-8"))
+        assert found is None, f"{file}: {found[0]}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "pip install pdvol",
+        "pip install -q 'pdvol[solver]'",
+        'pip3 install -U "pdvol"',
+        "uv pip install numpy pdvol==0.3",
+        '["pip", "install", "pdvol[solver]"]',
+    ],
+)
+def test_such_lines_are_found(text):
+    assert BY_NAME.search(text) and not BY_NAME.search(text.replace("pdvol", "./pdvol"))
+
+
+TEXTS = {".py", ".md", ".toml", ".yaml", ".yml", ".ipynb", ".sh", ".cff", ".rst", ".html", ".txt", ""}
+TOPS = ("benchmarks", "blender", "demos", "docs", "forms", "joss", "meshes", "packaging", "pdvol", "tests")
+BY_NAME = re.compile(r"""pip3?\W+install\b[\w \t'",=<>[\]-]*?(?<![\w./@-])pdvol(?![\w/.@-])""")

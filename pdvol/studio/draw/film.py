@@ -1,5 +1,5 @@
 """Files of films, and the steps that they show at the speed of the simulated motion. They need imageio (pip install
-'pdvol[film]').
+'imageio[ffmpeg]').
 """
 
 import importlib.util
@@ -40,7 +40,7 @@ def write_film(path: Path, frames: Iterable[Image.Image], rate: float) -> Path:
         raise InputError(f"{path}: the name of a film ends in {', '.join(FILM_ENDINGS)}")
     for module in ("imageio",) if ending == ".gif" else ("imageio", "imageio_ffmpeg"):
         if importlib.util.find_spec(module) is None:
-            raise InputError(f"{path}: a film needs {module}: pip install 'pdvol[film]'")
+            raise InputError(f"{path}: a film needs {module}: pip install 'imageio[ffmpeg]'")
     import imageio.v2 as imageio
 
     # imageio chooses the encoder by the temporary name, and knows ffmpeg for .mp4 alone: words give the format.

@@ -31,9 +31,7 @@ def export(
     try:
         import alembic3d.Abc
     except ImportError as error:
-        raise InputError(
-            "Alembic files need the package alembic3d: pip install alembic3d, or pdvol[alembic]; PC2 needs none"
-        ) from error
+        raise InputError("Alembic files need the package alembic3d: pip install alembic3d; PC2 needs none") from error
     rate = 1.0 / run.dt if fps is None else fps
     paths = [out / f"level_{level}.abc" for level in levels]
     for level, path in zip((run.levels[level] for level in levels), paths, strict=True):

@@ -47,7 +47,7 @@ def export(
     try:
         import pxr.Usd  # noqa: F401
     except ImportError as error:
-        raise InputError("USD files need the package usd-core: pip install usd-core, or pdvol[usd]") from error
+        raise InputError("USD files need the package usd-core: pip install usd-core") from error
     path, chosen = out / f"{run.path.resolve().name}.usdc", [run.levels[level] for level in sorted(levels)]
     more = with_strain(run, fields) if with_fields else None
     frames = [

@@ -17,7 +17,7 @@ from pdvol.studio.live.server import LocalServer
 from pdvol.studio.live.session import Session
 from pdvol.studio.live.stage import Stage
 from pdvol.studio.shown import upward_in_3d
-from pdvol.studio.wedge.variation import value_text
+from pdvol.studio.wedge.variation import short_text, value_text
 
 PERIOD = 0.02  # seconds between looks at the stored states
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field
@@ -236,7 +236,7 @@ class Page:
 
 
 def _values(run: LiveRun) -> str:
-    return ", ".join(f"{name} {value_text(value)}" for name, value in sorted(run.values.items()))
+    return ", ".join(f"{name} {short_text(value_text(value))}" for name, value in sorted(run.values.items()))
 
 
 def _level_lines(run: LiveRun) -> list[str]:

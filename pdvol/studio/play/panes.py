@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
-from pdvol.store.files import read_json
+from pdvol.store.files import read_json, require_no_link_out
 from pdvol.store.reader import Run, RunLevel, open_run
 from pdvol.store.render_meshes import StoredRender
 from pdvol.studio.play.details import Detail
@@ -126,6 +126,7 @@ def panes_of_wedge(folder: Path, levels: Sequence[int] | None = None) -> list[Pa
         `wedge.json` is no list of variations.
     """
     entries = read_json(folder / WEDGE).get("variations")
+    require_no_link_out(folder)
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{folder / WEDGE} has no list of variations: it is not as pdvol wedge wrote it")
     first = next((name for entry in entries for name in _mapping(entry, "scores")), "")

@@ -2,13 +2,12 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.runs.scene_file import Shot, load_shot, parse_value
-from pdvol.store.files import read_json
+from pdvol.store.files import read_json, require_no_link_out
 from pdvol.studio.study.front import cheapest_within, most_accurate_within
 from pdvol.studio.wedge.variation import length
 
@@ -82,15 +81,17 @@ def with_point(shot: Shot, point: Mapping[str, Any]) -> Shot:
     steps = int(words[words.index("--steps") + 1])
     if shot.file is None:
         raise InputError("settings of a study need a scene file")
-    return replace(load_shot(shot.file, {**shot.parameters, **changes}, steps))
+    return load_shot(shot.file, {**shot.parameters, **changes}, steps, trusted=False)
 
 
 def read_study(folder: Path) -> dict:
     """`study.json` of a folder; InputError where there is none."""
     try:
-        return read_json(folder / "study.json")
+        found = read_json(folder / "study.json")
     except FileNotFoundError:
         raise InputError(f"{folder} holds no study; make one by: pdvol study SCENE.py -o {folder}") from None
+    require_no_link_out(folder)
+    return found
 
 
 def _amount(option: str, text: str, units: Mapping[str, float | None]) -> float:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from pdvol.errors import InputError
-from pdvol.store.files import jsonable, lock, make_folder, read_json, write_json
+from pdvol.store.files import jsonable, lock, make_folder, read_json, require_no_link_out, write_json
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import open_run
 from pdvol.studio.wedge.worker import Worker, Workers, last_line
@@ -177,6 +177,7 @@ def take_folder(file: Path, number: int, description: dict, empty: Mapping[str, 
     out, kind = file.parent, file.stem
     description = jsonable(description)
     if file.exists():
+        require_no_link_out(out)
         stored = read_json(file)
         if stored.get("format") not in range(1, number + 1):
             raise InputError(f"{file} has another format; choose another folder")

@@ -1,18 +1,17 @@
 """One variation of a wedge, taken out as a run and refined; and how near its finer levels stay."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.runs.run_metrics import motion_from_level_0
-from pdvol.runs.scene_file import stored_file
 from pdvol.store.copying import copy_run, require_new
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import open_run
 from pdvol.studio.shown import wedge_run
 from pdvol.studio.wedge.scored_body import at_level
-from pdvol.studio.wedge.scores import chosen_scores
+from pdvol.studio.wedge.scores import Score
 from pdvol.studio.wedge.variation import length
 from pdvol.studio.wedge.wedge import read_wedge
 
@@ -29,15 +28,15 @@ def chosen_run(folder: Path, which: str) -> tuple[Path, dict[str, Any]]:
     """
     wedge = read_wedge(folder)
     entries, best = wedge["variations"], wedge.get("best")
-    if which == "best" and not best:
+    if which == "best" and not isinstance(best, dict):
         raise InputError(f"{folder} holds no search; name a number, or use pdvol wedge --seek")
     if which != "best" and not which.isdecimal():
         raise InputError(f"{which!r} is not the number of a variation; give one, or best")
-    number = int(best["number"] if best and which == "best" else which)
+    number = best.get("number") if isinstance(best, dict) and which == "best" else int(which)
     entry = next((entry for entry in entries if entry.get("number") == number), None)
     if entry is None:
         raise InputError(f"{folder} has no variation {number}; it has 0 to {len(entries) - 1}")
-    run = wedge_run(folder, number, entry["name"])
+    run = wedge_run(folder, entry["number"], entry["name"])
     if entry["state"] != "done" or not holds_run(run):
         raise InputError(f"variation {number} of {folder} is {entry['state']}: {entry['reason'] or 'it has no run'}")
     return run, entry
@@ -62,16 +61,15 @@ def take_out(source: Path, out: Path) -> None:
         raise InputError(f"{out} holds another run; choose another folder by -o")
 
 
-def level_lines(path: Path, chosen: dict[str, float | None]) -> Iterator[str]:
+def level_lines(path: Path, scores: Mapping[str, Score]) -> Iterator[str]:
     """A line for each finished level of a run: how far it is from level 0, which was chosen, and whether each score
     holds.
 
     Parameters
     ----------
-    chosen : the wedge's scores of level 0, by their texts
+    scores : those of the wedge, by their texts
     """
     run = open_run(path)
-    scores = chosen_scores(list(chosen), stored_file(run.info)) if chosen else {}
     first: dict[str, float] = {}
     for level in motion_from_level_0(run):
         index, parts = level["level"], ["as chosen"]

@@ -12,6 +12,7 @@ from pdvol.store.reader import Run
 from pdvol.studio.draw.layout import cluster_name
 from pdvol.studio.draw.sheet import MOST_TILES, Tile, sheet_film, sheet_image
 from pdvol.studio.wedge.jobs import Outcome
+from pdvol.studio.wedge.variation import short_text
 from pdvol.studio.wedge.wedge import Report, Wedge, change, stored_runs
 
 
@@ -80,14 +81,14 @@ def cell_text(value: Any) -> str:
     """A value as a table shows it."""
     if value is None:
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else short_text(str(value))
 
 
 def tiles(entries: Sequence[Mapping[str, Any]], runs: Sequence[Run | None]) -> list[Tile]:
     """A tile of the contact sheet for each variation, with parameters and scores, or the reason of a failure."""
     found = []
     for entry, run in zip(entries, runs, strict=True):
-        lines = [f"{name} {text}" for name, text in entry["changes"].items()]
+        lines = [f"{name} {short_text(text)}" for name, text in entry["changes"].items()]
         lines += [f"{name} {cell_text(value)}" for name, value in entry["scores"].items()]
         note = "" if run else f"{entry['state']}: {entry['reason'] or 'it has not run'}"
         bodies = scored_bodies(list(entry["scores"]), run.info["bodies"]) if run else []

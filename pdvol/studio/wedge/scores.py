@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError, PdvolError
-from pdvol.runs.scene_file import load_module
+from pdvol.runs.known_scenes import allow
+from pdvol.runs.scene_modules import load_module
 from pdvol.store.reader import Run
 from pdvol.studio.shown import upward
 from pdvol.studio.wedge.scored_body import ScoredBody, contact_distance, is_whole_run
@@ -204,20 +205,24 @@ def _direction(body: str, axis: Sequence[float], d: int) -> np.ndarray:
 # ---- scores as text
 
 
-def chosen_scores(texts: Sequence[str], scene_file: Path | None) -> dict[str, Score]:
+def chosen_scores(texts: Sequence[str], scene_file: Path | None, trusted: bool = True) -> dict[str, Score]:
     """The scores that texts name, by text: `upright("bear")` and the other ready ones; `my_score`, a function of the
     scene file; `module.py:my_score`. A minus in front turns a score round. Arguments are Python literals; a function
     with arguments in brackets makes a score, one without is a score.
+
+    Parameters
+    ----------
+    trusted : whether the user gives the texts; other ones must have been given here before
 
     Raises
     ------
     InputError
         A text cannot be read, or names what there is not. The scores raise it where a function fails.
     """
-    return {text: _chosen(text, scene_file) for text in texts}
+    return {text: _chosen(text, scene_file, trusted) for text in texts}
 
 
-def _chosen(text: str, scene_file: Path | None) -> Score:
+def _chosen(text: str, scene_file: Path | None, trusted: bool) -> Score:
     file, colon, expression = text.strip().rpartition(".py:")
     source = Path(file.removeprefix("-").strip() + ".py") if colon else scene_file
     try:
@@ -231,7 +236,9 @@ def _chosen(text: str, scene_file: Path | None) -> Score:
     if not isinstance(name, ast.Name):
         raise InputError(f'score {text!r} cannot be read; write upright("bear"), my_score, or module.py:my_score')
     ready: Any = None if colon else READY.get(name.id)
-    function: Any = ready or (None if source is None else getattr(load_module(source), name.id, None))
+    if ready is None and source is not None and source.is_file():
+        allow(source, text, trusted)
+    function: Any = ready or (None if source is None else getattr(load_module(source, trusted), name.id, None))
     if not callable(function):
         where = "" if source is None else f" and {source.name} has no such function"
         raise InputError(f"score {text!r}: there is no {name.id}{where}; the ready scores are {', '.join(READY)}")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.studio.wedge.variation import Variation
+from pdvol.studio.wedge.variation import Variation, value_text
 from pdvol.studio.wedge.vary import Vary
 from pdvol.studio.wedge.wedge import Report, Wedge
 from pdvol.studio.wedge.worker import Workers
@@ -65,7 +65,7 @@ def seek_best(
     for vary in varies:
         if vary.ends is None or vary.ends[0] == vary.ends[1]:
             raise InputError(f"--seek needs ranges: write --vary {vary.name}=A:B")
-    words = [f"{vary.name}={vary.ends[0]:g}:{vary.ends[1]:g}" for vary in varies if vary.ends]
+    words = [f"{vary.name}={value_text(vary.ends[0])}:{value_text(vary.ends[1])}" for vary in varies if vary.ends]
     tried: list[dict[str, Any]] = []
 
     def evaluate(points: Sequence[np.ndarray]) -> list[float]:
@@ -112,7 +112,7 @@ def seek(
             warnings.simplefilter("ignore")  # cma warns at import where matplotlib's pyplot is not wanted
             import cma
     except ModuleNotFoundError as error:
-        raise InputError("--seek needs the package cma: pip install 'pdvol[seek]'") from error
+        raise InputError("--seek needs the package cma: pip install cma") from error
     dimensions = max(count, 2)  # cma takes no single parameter: one that nothing depends on is added
     done = 0
     for restart in range(MOST_RESTARTS):  # from the middle first, then from random places

@@ -1,11 +1,14 @@
 """One choice of settings of a scene: its name, the words of its command line, and its place in JSON."""
 
 import hashlib
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.runs.scene_file import Shot, parse_value
@@ -73,7 +76,7 @@ class Variation:
     def label(self, level: int | None = None) -> str:
         """For plots and tables: `level 1, dt 0.02, tolerance Relative(0.01)`."""
         parts = [] if level is None else [f"level {level}{' alone' if self.method == 'direct' else ''}"]
-        parts += [f"{name} {value_text(value)}" for name, value in self.changes]
+        parts += [f"{name} {short_text(value_text(value))}" for name, value in self.changes]
         return ", ".join(parts) or "the scene's settings"
 
     def steps(self, base: Base) -> int:
@@ -102,12 +105,25 @@ class Variation:
 
 
 def value_text(value: Any) -> str:
-    """A value as `--set` reads it."""
-    if isinstance(value, Relative | Pascal):
-        return f"{type(value).__name__}({number(value):.6g})"
-    if isinstance(value, tuple | list):
-        return str(tuple(value)).replace(" ", "")
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    """A value as `--set` reads it: `parse_value` gives the same value, to the last bit."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    match value:
+        case Relative() | Pascal():
+            return f"{type(value).__name__}({value_text(number(value)).removesuffix('.0')})"
+        case str():
+            return value if parse_value(value) == value else repr(value)
+        case float():
+            return repr(value).replace("inf", "1e999")  # which is a literal
+        case tuple() | list():
+            parts = [repr(part) if isinstance(part, str) else value_text(part) for part in value]
+            return f"({','.join(parts)}{',' if len(parts) == 1 else ''})"
+    return str(value)
+
+
+def short_text(text: str) -> str:
+    """What `value_text` gives, for people: numbers of six digits."""
+    return re.sub(r"-?\d+\.\d+(e[-+]?\d+)?", lambda found: f"{float(found[0]):.6g}", text)
 
 
 def number(value: Any) -> float | None:
@@ -119,7 +135,9 @@ def number(value: Any) -> float | None:
 
 def times(value: Any, factor: float) -> Any:
     """A number, or a `Relative` one or one in pascal, times a factor."""
-    product = float(f"{(number(value) or 0.0) * factor:.12g}")  # 0.1 * 0.1 is 0.01 on every page
+    product = (number(value) or 0.0) * factor
+    if math.frexp(factor)[0] != 0.5:  # by a power of two it is exact
+        product = float(f"{product:.15g}")  # 0.1 * 0.1 is 0.01 on every page
     return type(value)(product) if isinstance(value, Relative | Pascal) else product
 
 

@@ -36,11 +36,15 @@ class Vary:
     ends: tuple[float, float] | None = None
 
     def at(self, fraction: float) -> Any:
-        """The value at a fraction in [0, 1] of the range, or in [0, 1) of the list, as a command line writes it."""
+        """The value at a fraction in [0, 1] of the range, or in [0, 1) of the list."""
         if self.ends is None:
             return self.values[int(fraction * len(self.values))]
-        value = self.ends[0] + fraction * (self.ends[1] - self.ends[0])
-        return parse_value(value_text(0.0 if abs(value) < NEARLY_ZERO * max(map(abs, self.ends)) else value))
+        low, high = self.ends
+        if fraction in (0.0, 1.0):
+            return self.ends[int(fraction)]
+        value = float(f"{low + fraction * (high - low):.15g}")  # of 0.1 to 0.7 it is 0.3, not 0.30000000000000004
+        value = value if abs(value) >= NEARLY_ZERO * max(abs(low), abs(high)) else 0.0
+        return int(value) if value.is_integer() and isinstance(low, int) and isinstance(high, int) else value
 
 
 def parse_vary(word: str) -> Vary:
@@ -130,7 +134,7 @@ def chosen_variations(
 def _grid(varies: Sequence[Vary]) -> list[tuple]:
     for vary in varies:
         if not vary.values and vary.ends:
-            word = f"{vary.name}={vary.ends[0]:g}:{vary.ends[1]:g}"
+            word = f"{vary.name}={value_text(vary.ends[0])}:{value_text(vary.ends[1])}"
             raise InputError(f"--vary {word} has no number of values: write {word}:9, or add --sample N")
     count = math.prod(len(vary.values) for vary in varies)
     if count > MOST_VARIATIONS:

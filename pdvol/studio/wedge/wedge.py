@@ -9,14 +9,14 @@ from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.runs.scene_file import Shot, check_names
-from pdvol.store.files import read_json, write_json
+from pdvol.store.files import read_json, require_no_link_out, write_json
 from pdvol.store.reader import Run, open_run
 from pdvol.studio.shown import wedge_run
 from pdvol.studio.wedge.clusters import clusters
 from pdvol.studio.wedge.jobs import Job, Outcome, run_jobs, stored_outcome, take_folder
 from pdvol.studio.wedge.scored_body import at_level
 from pdvol.studio.wedge.scores import Score
-from pdvol.studio.wedge.variation import Base, Variation, value_text
+from pdvol.studio.wedge.variation import Base, Variation
 from pdvol.studio.wedge.vary import MOST_VARIATIONS
 from pdvol.studio.wedge.worker import Workers
 
@@ -68,7 +68,7 @@ class Wedge:
             It belongs to another scene, holds other files, cannot be made, or is in use.
         """
         with closing(take_folder(self.file, WEDGE_FORMAT, self._description, {"variations": []})):
-            stored = read_json(self.file)
+            stored = read_wedge(self.out)
             self._vary, self.best = list(stored.get("vary", [])), stored.get("best")
             self.entries = [dict(entry) for entry in stored["variations"]]
             self._numbers = {entry["name"]: entry["number"] for entry in self.entries}
@@ -115,13 +115,15 @@ class Wedge:
             entry = {
                 "number": number,
                 "name": variation.name,
-                "changes": {name: value_text(value) for name, value in variation.changes},
+                "changes": {},
                 "state": "waiting",
                 "reason": "",
                 "scores": {},
                 "cluster": -1,
             }
             self.entries.append(entry)
+        for variation in variations:  # the file's own may be from elsewhere
+            self.entries[self._numbers[variation.name]]["changes"] = variation.as_json()["changes"]
         self._vary += [word for word in vary if word not in self._vary]
         return [self._numbers[variation.name] for variation in variations]
 
@@ -230,12 +232,21 @@ def change(entry: Mapping[str, Any], name: str) -> float | str:
         return text
 
 
+_ENTRY = {"number": int, "name": str, "changes": dict, "state": str, "reason": str, "scores": dict}
+"""What a variation in wedge.json has, and of which kind."""
+
+
 def read_wedge(folder: Path) -> dict[str, Any]:
     """`wedge.json` of a folder; InputError where there is none, or one of another format."""
     try:
         stored = read_json(folder / "wedge.json")
     except FileNotFoundError:
         raise InputError(f"{folder} holds no wedge; make one by: pdvol wedge SCENE.py -o {folder}") from None
-    if stored.get("format") not in range(1, WEDGE_FORMAT + 1) or not isinstance(stored.get("variations"), list):
+    require_no_link_out(folder)
+    entries = stored.get("variations")
+    if stored.get("format") not in range(1, WEDGE_FORMAT + 1) or not isinstance(entries, list):
         raise InputError(f"{folder / 'wedge.json'} has another format; use the pdvol that wrote it")
+    for number, entry in enumerate(entries):
+        if not isinstance(entry, dict) or any(type(entry.get(key)) is not kind for key, kind in _ENTRY.items()):
+            raise InputError(f"{folder / 'wedge.json'}: variation {number} is not as pdvol wedge wrote it")
     return stored

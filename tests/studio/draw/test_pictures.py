@@ -90,7 +90,7 @@ def test_films(flat_run, tmp_path, ending):
 
 def test_a_missing_extra_is_named(flat_run, tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"pip install 'pdvol\[film\]'"):
+    with pytest.raises(InputError, match=r"pip install 'imageio\[ffmpeg\]'"):
         render(open_run(flat_run), tmp_path / "run.mp4")
     assert not list(tmp_path.iterdir())
 

@@ -70,6 +70,21 @@ def test_a_change_starts_a_run_that_is_refined_as_one_of_the_command_line(sessio
     assert_same_states(run.stored, alone(folder, "refined", "--set", "young=1.5e4"))
 
 
+def test_values_and_modules_beside_the_scene_are_those_of_now(session, folder):
+    """Values to the last bit, in processes that carry out one run after the other."""
+    write(folder / "fall.py", "import beside\n" + FALL.replace("Gravity((0.0, -9.81))", "Gravity((0.0, beside.PULL))"))
+    lowest = []
+    for pull in ("-9.81", "-0.01", "-9.81"):
+        write(folder / "beside.py", f"PULL = {pull}")
+        run = run_with(session, young=1e4 / 3, height=1 / 240)
+        assert (run.state, run.reason) == ("done", "")
+        stored = run.stored.info["parameters"]
+        assert (stored["young"], stored["height"]) == (1e4 / 3, 1 / 240)
+        lowest.append(run.stored.levels[0].positions(2)[:, 1].min())
+    assert lowest[0] == lowest[2] < lowest[1]
+    write(folder / "fall.py", FALL)
+
+
 def test_changes_in_a_row_start_one_run_with_the_last_value(session):
     first = session.current.number if session.current else 0
     for young in np.linspace(1e4, 2e4, 9):

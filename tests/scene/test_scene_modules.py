@@ -1,0 +1,139 @@
+"""Scene files are loaded as Python loads a module, each with the modules that lie beside it as they are now."""
+
+import subprocess
+import sys
+
+import pytest
+
+from pdvol.errors import InputError
+from pdvol.runs.scene_modules import load_module
+
+NEEDS_ITS_MODULE = {
+    "a dataclass": """
+from __future__ import annotations
+from dataclasses import dataclass
+
+@dataclass
+class Part:
+    size: float = 2.0
+
+found = Part().size
+""",
+    "a dataclass with fields of one class": """
+from __future__ import annotations
+import typing
+from dataclasses import KW_ONLY, InitVar, dataclass
+
+@dataclass(slots=True, frozen=True)
+class Part:
+    count: typing.ClassVar[int] = 3
+    _: KW_ONLY
+    size: float = 1.0
+    scale: InitVar[float] = 2.0
+
+found = float(len(Part.__slots__) + 1)
+""",
+    "hints": """
+from __future__ import annotations
+import typing
+
+class Part:
+    other: Part
+
+found = 2.0 * (typing.get_type_hints(Part) == {"other": Part})
+""",
+    "pickles": """
+import pickle
+from collections import namedtuple
+from enum import Enum
+
+Pair = namedtuple("Pair", "one other")
+
+class Side(Enum):
+    LEFT = 2.0
+
+found = pickle.loads(pickle.dumps(Pair(1.0, Side.LEFT))).other.value
+""",
+    "its own source": """
+import inspect
+
+class Part:
+    pass
+
+found = float(inspect.getsource(Part).count("\\n"))
+""",
+    "its name in sys.modules": """
+import sys
+
+found = 2.0 * (vars(sys.modules[__name__])["__name__"] == __name__)
+""",
+}
+
+
+@pytest.mark.parametrize("text", NEEDS_ITS_MODULE.values(), ids=NEEDS_ITS_MODULE)
+def test_a_file_finds_itself_among_the_modules(tmp_path, text):
+    (tmp_path / "shot.py").write_text(text)
+    assert load_module(tmp_path / "shot.py").found == 2.0
+    (tmp_path / "beside.py").write_text(text)
+    (tmp_path / "other.py").write_text("from beside import found")
+    assert load_module(tmp_path / "other.py").found == 2.0
+
+
+def test_a_file_that_fails_is_no_module(tmp_path):
+    (tmp_path / "broken_shot.py").write_text("import sys\n1 / 0")
+    with pytest.raises(InputError, match="ZeroDivisionError"):
+        load_module(tmp_path / "broken_shot.py")
+    assert "pdvol_scene_broken_shot" not in sys.modules
+
+
+WAYS = {
+    "import": ("import helpers\ndef value(): return helpers.VALUE", "helpers.py"),
+    "from": ("from helpers import VALUE\ndef value(): return VALUE", "helpers.py"),
+    "in a function": ("def value():\n    import helpers\n    return helpers.VALUE", "helpers.py"),
+    "from, in a function": ("def value():\n    from helpers import VALUE\n    return VALUE", "helpers.py"),
+    "a package": ("import helpers.deep\ndef value(): return helpers.deep.VALUE", "helpers/deep.py"),
+    "a folder": ("from folder.deep import VALUE\ndef value(): return VALUE", "folder/deep.py"),
+    "a module of a module": ("import first\ndef value(): return first.value()", "second.py"),
+    "a module with the scene's name": ("def value():\n    import shot\n    return shot.VALUE\nVALUE = NONE", "none"),
+}
+
+
+def written(folder, way, value):
+    """A scene file in a folder, whose `value()` reads a module beside it."""
+    text, place = WAYS[way]
+    (folder / place).parent.mkdir(parents=True, exist_ok=True)
+    (folder / "shot.py").write_text(text.replace("NONE", str(value)))
+    (folder / "first.py").write_text("def value():\n    import second\n    return second.VALUE")
+    if place.startswith("helpers/"):
+        (folder / "helpers" / "__init__.py").touch()
+    (folder / place).write_text(f"VALUE = {value}")
+    return folder / "shot.py"
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_modules_beside_two_scenes_have_the_same_name(tmp_path, way):
+    one, other = (load_module(written(tmp_path / name, way, value)) for name, value in (("a", 1), ("b", 2)))
+    assert [one.value(), other.value(), one.value(), other.value()] == [1, 2, 1, 2]
+    assert load_module(tmp_path / "a" / "shot.py").value() == 1
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_module_that_was_edited_is_read_again(tmp_path, way):
+    """Also one as long as before, in the same second; what was loaded before stays as it is."""
+    before = load_module(written(tmp_path, way, 1))
+    assert before.value() == 1
+    now = load_module(written(tmp_path, way, 2))
+    assert now.value() == 2 and before.value() == 1
+    assert not list(tmp_path.rglob("*.pyc"))
+
+
+def test_modules_of_the_program_itself_stay(tmp_path):
+    """Those that a program has imported before are its own, and no other module is forgotten."""
+    (tmp_path / "shot.py").write_text("import helpers, json\nfound = helpers")
+    (tmp_path / "helpers.py").touch()
+    program = "import sys, json, helpers\nfrom pathlib import Path\nfrom pdvol.runs.scene_modules import load_module\n"
+    program += "assert load_module(Path('shot.py')).found is helpers is load_module(Path('shot.py')).found\n"
+    program += "before = dict(sys.modules)\nload_module(Path('shot.py'))\n"
+    program += "assert all(sys.modules[name] is module for name, module in before.items() if 'shot' not in name)"
+    ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
