@@ -36,6 +36,8 @@ SHEET = 1e-6
 """Volume of a closed shell, relative to its area times its diagonal, below which it is a sheet without thickness."""
 MOST_SHEETS = 0.01
 """Share of a surface's area up to which sheets are dropped: crumbs of a scan. Larger ones were meant."""
+SLIVER = 0.01
+"""Distance of vertices that are joined where grown shells cross, relative to that by which they grew."""
 UNCHANGED = 1e-6
 """Distance in diagonals, or relative volume, up to which two shapes count as the same: round-off of a file in text."""
 PARTED = 1e-3
@@ -295,7 +297,8 @@ def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: 
         try:
             made, facets = united(_grown(points, triangles, grown * size), triangles, MESHER_SECONDS)
             _check_left(facets, name)
-            made, facets, _ = _joined(*drop_unused(made, facets), COINCIDENT * size, None, steps)
+            near = max(COINCIDENT, SLIVER * grown) * size
+            made, facets, _ = _joined(*drop_unused(made, facets), near, None, steps)
             result = _surface(made, facets, hole, name, steps)
             judge(result, name)
             lost, added = deviation(points, triangles, result.vertices, result.triangles)
@@ -323,7 +326,8 @@ def _grown(points: np.ndarray, triangles: np.ndarray, most: float) -> np.ndarray
     owner, first = shells(points, triangles)
     distance: np.ndarray = np.zeros(len(points))
     distance[triangles] = most * (owner[:, None] + 1) / len(first)
-    return points + distance[:, None] * igl.per_vertex_normals(points, triangles)
+    weighting = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
+    return points + distance[:, None] * igl.per_vertex_normals(points, triangles, weighting)
 
 
 def _comparison(before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray]) -> str:
