@@ -326,8 +326,7 @@ def _grown(points: np.ndarray, triangles: np.ndarray, most: float) -> np.ndarray
     owner, first = shells(points, triangles)
     distance: np.ndarray = np.zeros(len(points))
     distance[triangles] = most * (owner[:, None] + 1) / len(first)
-    weighting = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
-    return points + distance[:, None] * igl.per_vertex_normals(points, triangles, weighting)
+    return points + distance[:, None] * igl.per_vertex_normals(points, triangles)
 
 
 def _comparison(before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray]) -> str:
