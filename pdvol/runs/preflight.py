@@ -295,7 +295,7 @@ def _add_notes(result: dict) -> None:
 
 def _write_crossings(out: Path | None, errors: Sequence[InputError | None]) -> None:
     """`out/defects.vtu`: what crosses in shapes, numbered by where in `errors` it stands; nothing if nothing does."""
-    places = [(c, n) for n, error in enumerate(errors, 1) for c in getattr(error, "corners", ())]
+    places = [(c, number) for number, error in enumerate(errors, 1) for c in getattr(error, "corners", ())]
     if out is not None and places:
         with _writable(out):
             write_primitives(out / "defects.vtu", *zip(*places, strict=True))
