@@ -43,6 +43,8 @@ class IntersectionError(InputError):
     Attributes
     ----------
     pairs : the primitives
+    corners : the places of their corners, an array (k, d) [m] each, of a shape that crosses itself before it is in a
+        scene; none otherwise
     level, bodies : where, and the indices of the bodies that meet; none in a shape that crosses itself before it is in
         a scene
     push : (d,) unit vector along which the first body leaves the other body or obstacle, None for a body that meets
@@ -56,9 +58,11 @@ class IntersectionError(InputError):
         level: int = 0,
         bodies: Iterable[int] = (),
         push: "Sequence[float] | np.ndarray | None" = None,
+        corners: "Sequence[np.ndarray]" = (),
     ):
         super().__init__(message)
         self.pairs, self.level, self.bodies, self.push = tuple(pairs), level, tuple(int(b) for b in bodies), push
+        self.corners = corners
 
 
 class SimulationError(PdvolError):

@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="write each level, and the primitives of every defect, there as VTU",
+        help="write each level, and the primitives of all crossings, there as VTU",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the findings there, too")
     parser.add_argument(
@@ -47,9 +47,7 @@ def main(options: Namespace) -> int:
         result = check_scene(shot.scene, options.measure, options.out)
         lines = _scene_lines(result)
     else:
-        if options.out is not None:
-            raise InputError("-o writes the levels of a scene; give one SCENE.py, or leave it out")
-        result = check_meshes(options.files)
+        result = check_meshes(options.files, options.out)
         lines = [line for entry in result["files"] for line in (entry["message"], *entry["notes"])]
     if options.json is not None:
         write_json(options.json, result)

@@ -13,7 +13,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     lengths = {
         "weld": (1e-8, "join vertices that are nearer than this"),
         "hole": (1.0, "fill holes whose rim is no longer than this"),
-        "envelope": (1e-3, "where the surface crosses itself, mesh it anew and move it by no more than this; 0: not"),
+        "envelope": (1e-3, "unite shells that cross, and change the surface by no more than this; 0: not"),
     }
     for name, (default, text) in lengths.items():
         parser.add_argument(

@@ -3,6 +3,7 @@
 import igl
 import numpy as np
 
+from pdvol.geometry.closed_surfaces import connected_facets, enclosed_volume
 from pdvol.geometry.crossings import counted_edges
 
 INSIDE_WINDING = 0.5
@@ -57,6 +58,22 @@ def hausdorff_distance(
     there = distances_to(_sampled(points, facets), other_points, other_facets)
     back = distances_to(_sampled(other_points, other_facets), points, facets)
     return float(max(there.max(), back.max()))
+
+
+def deviation(
+    points: np.ndarray, triangles: np.ndarray, made_points: np.ndarray, made_triangles: np.ndarray
+) -> tuple[float, float]:
+    """How far [m] a surface lies outside of one that was made of it, and how far that one lies from the surface, by
+    samples of both. Outside is what the outward shells of the new one do not enclose: cavities count as inside.
+    """
+    given, part = _sampled(points, triangles), connected_facets(made_triangles)
+    shells = [made_triangles[part == number] for number in np.unique(part)]
+    outer = [shell for shell in shells if enclosed_volume(made_points, shell) > 0.0]
+    out = ~_inside(given, made_points, np.concatenate(outer or shells))
+    lost = distances_to(given[out], made_points, made_triangles)
+    return float(lost.max(initial=0.0)), float(
+        distances_to(_sampled(made_points, made_triangles), points, triangles).max()
+    )
 
 
 def box_of(corners: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

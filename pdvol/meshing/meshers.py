@@ -113,6 +113,24 @@ def gmsh_tetrahedra(
         return child.call("Gmsh", _gmsh_solid, *given, cpu_seconds=cpu_seconds)
 
 
+def united(vertices: np.ndarray, triangles: np.ndarray, cpu_seconds: float) -> Mesh:
+    """Points (n, 3) and triangles (m, 3) around all that closed shells enclose, by libigl's exact mesh booleans (Zhou
+    et al. 2016). What does not cross keeps its vertices and triangles.
+
+    Parameters
+    ----------
+    vertices, triangles : (k, 3) [m], (t, 3), facing outward, and inward around cavities
+    cpu_seconds : processor time [s] that the process may use
+
+    Raises
+    ------
+    MeshError, ProcessStopped
+        As `Child.call`.
+    """
+    with Child() as child:
+        return child.call("libigl's union", _united, vertices, triangles, cpu_seconds=cpu_seconds)
+
+
 def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, epsilon: float, folder: str) -> Mesh:
     os.chdir(folder)  # it leaves a file where it works
     # pytetwild adds itself to pyvista where that can be extended. Importing pyvista takes longer than a coarse mesh.
@@ -132,6 +150,12 @@ def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, e
         num_threads=1,
         quiet=True,
     )
+
+
+def _united(vertices: np.ndarray, triangles: np.ndarray) -> Mesh:
+    from igl.copyleft import cgal  # under the GPL, as Gmsh is
+
+    return cgal.mesh_boolean(vertices, triangles.astype(np.int64), type_str="union")[:2]
 
 
 def _gmsh(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float) -> Mesh:

@@ -1,8 +1,8 @@
 """Mends a shape where it can be mended without guessing what was meant, and says each thing that it did.
 
 A surface is welded, rid of what is doubled or has no area, oriented, split where it is not manifold, and its holes are
-filled. What still crosses itself is enclosed by a mesh of fTetWild, whose boundary stays within an envelope of the
-given surface. Nothing here is done by a run: `pdvol repair` asks for it.
+filled. Shells that cross or touch are united. The result is compared with the input. Nothing here is done by a run:
+`pdvol repair` asks for it.
 """
 
 import igl
@@ -11,12 +11,15 @@ import numpy as np
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import edges_of
-from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.geometry.distances import box_of, deviation
+from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.holes import filled_holes
-from pdvol.meshing.meshers import ftetwild
+from pdvol.meshing.meshers import united
 from pdvol.meshing.validate import (
     FLAT_SIMPLEX,
+    check_manifold,
+    crossings_of,
     drop_unused,
     flat_triangles,
     repeated,
@@ -25,12 +28,18 @@ from pdvol.meshing.validate import (
     simplex_lengths,
 )
 from pdvol.meshing.verdict import judge
-from pdvol.meshing.weld import coincident, open_edges
+from pdvol.meshing.weld import COINCIDENT, coincident, open_edges
 
-ENVELOPE_EDGE = 0.04
-"""Edge length of fTetWild's mesh in a repair, in diagonals: its boundary keeps to the envelope anyway."""
 MESHER_SECONDS = 100.0
-"""Time [s] that fTetWild may take in a repair."""
+"""Time [s] that a union may take in a repair."""
+SHEET = 1e-6
+"""Volume of a closed shell, relative to its area times its diagonal, below which it is a sheet without thickness."""
+MOST_SHEETS = 0.01
+"""Share of a surface's area up to which sheets are dropped: crumbs of a scan. Larger ones were meant."""
+SLIVER = 0.01
+"""Distance of vertices that are joined where grown shells cross, relative to that by which they grew."""
+UNCHANGED = 1e-6
+"""Distance in diagonals, or relative volume, up to which two shapes count as the same: round-off of a file in text."""
 PARTED = 1e-3
 """Share of its way to its neighbours by which each copy of a split vertex moves: the copies must not touch."""
 MOST_FLIPS = 10
@@ -40,19 +49,20 @@ MOST_FLIPS = 10
 def repair(
     shape: Outline | Surface | Solid, weld: float, hole: float, envelope: float, name: str
 ) -> tuple[Surface | Solid, list[str]]:
-    """The mended shape, and a line for each thing that was done.
+    """The mended shape, and a line for each thing that was done, the last one a comparison with the given shape.
 
     Parameters
     ----------
     weld : distance in diagonals up to which vertices are joined
     hole : length of a hole's rim in diagonals up to which it is filled
-    envelope : distance in diagonals by which the surface may move where it crosses itself; 0: leave crossings
+    envelope : distance in diagonals by which a surface may move where shells are united; 0: leave crossings
     name : for messages
 
     Raises
     ------
     MeshError
-        The shape is an outline, is empty, or nothing is left of it.
+        The shape is an outline, is empty, nothing is left of it, it has an opening wider than `hole`, or sheets that
+        enclose nothing.
     """
     if isinstance(shape, Outline):
         raise MeshError(f"{name}: an outline; repair mends surfaces and volume meshes")
@@ -68,23 +78,24 @@ def repair(
         raise MeshError(f"{name}: no cell has all its vertices; export the mesh again")
     cells, regions = given[sound], shape.regions[sound] if isinstance(shape, Solid) else None
     unused = len(points) - len(np.unique(cells))
-    points, cells = drop_unused(points, cells)
+    points, cells = before = drop_unused(points, cells)
     _say(done, unused, "{} unused vertices dropped")
-    points, cells = _weld(points, cells, weld, done)
-    corners = np.sort(cells, axis=1)
-    keep = (np.diff(corners, axis=1) > 0).all(axis=1)
-    _say(done, (~keep).sum(), "{} cells that had lost a corner dropped")
-    cells, regions = cells[keep], None if regions is None else regions[keep]
-    keep = np.ones(len(cells), dtype=bool)
-    keep[repeated(cells)] = False
-    _say(done, (~keep).sum(), "{} doubled cells dropped")
-    cells, regions = cells[keep], None if regions is None else regions[keep]
+    points, cells, keep = _joined(points, cells, weld * _diagonal(points), _apart(points, cells), done)
+    mended: Surface | Solid
+    if regions is not None:
+        mended = _solid(points, cells, regions[keep], name, done)
+        after = mended.vertices, mended.cells.astype(np.int64)
+    else:
+        mended = _uncrossed(_surface(points, cells, hole, name, done), hole, envelope, name, done)
+        after = mended.vertices, mended.triangles.astype(np.int64)
+    if done and before[0].shape[1] == 3:
+        done.append(_comparison(before, after))
+    return mended, done
+
+
+def _check_left(cells: np.ndarray, name: str) -> None:
     if len(cells) == 0:
         raise MeshError(f"{name}: nothing is left of it; export the mesh again, or join fewer vertices (--weld)")
-    if regions is not None:
-        return _solid(points, cells, regions, done), done
-    surface = _surface(points, cells, hole, done)
-    return (_enclosed(surface, hole, envelope, name, done) if envelope > 0.0 else surface), done
 
 
 def _say(done: list[str], count: int, line: str) -> None:
@@ -96,33 +107,95 @@ def _diagonal(points: np.ndarray) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
-def _weld(points: np.ndarray, cells: np.ndarray, fraction: float, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    first = coincident(points, fraction * _diagonal(points))
+def _joined(
+    points: np.ndarray, cells: np.ndarray, distance: float, groups: np.ndarray | None, done: list[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, and cells without those that are lost or doubled where vertices nearer than `distance` [m], and of one
+    group, are joined; which cells are kept.
+    """
+    first = coincident(points, distance, groups)
     _say(done, (first != np.arange(len(first))).sum(), "{} vertices welded to others")
-    return drop_unused(points, first[cells])
+    cells = first[cells]
+    corners = np.sort(cells, axis=1)
+    whole = np.flatnonzero((np.diff(corners, axis=1) > 0).all(axis=1))
+    _say(done, len(cells) - len(whole), "{} cells that had lost a corner dropped")
+    keep = whole[_single(cells[whole])]
+    _say(done, len(whole) - len(keep), "{} doubled cells dropped")
+    return *drop_unused(points, cells[keep]), keep
 
 
-def _solid(points: np.ndarray, cells: np.ndarray, regions: np.ndarray, done: list[str]) -> Solid:
+def _apart(points: np.ndarray, cells: np.ndarray) -> np.ndarray | None:
+    """(n,) a group of vertices for each closed shell, which touch others without being joined; 0 elsewhere."""
+    if cells.shape[1] != 3:
+        return None
+    part = connected_parts(cells, len(points)) + 1
+    return np.where(np.isin(part, part[open_edges(cells)]), 0, part)
+
+
+def _single(cells: np.ndarray) -> np.ndarray:
+    """(m,) whether a cell is kept: of doubled ones the first; none of two triangles that face each other where shells
+    meet, so that the surface stays as closed without them.
+    """
+    keep = np.ones(len(cells), dtype=bool)
+    keep[repeated(cells)] = False
+    if cells.shape[1] == 3 and not keep.all():
+        _, which, count = np.unique(np.sort(cells, axis=1), axis=0, return_inverse=True, return_counts=True)
+        alone = count[which.ravel()] == 1
+        if alone.any() and len(open_edges(cells[alone])) <= len(open_edges(cells[keep])):
+            return alone
+    return keep
+
+
+def _solid(points: np.ndarray, cells: np.ndarray, regions: np.ndarray, name: str, done: list[str]) -> Solid:
     volumes, longest = simplex_volumes(points, cells), simplex_lengths(points, cells)
     thick = np.abs(volumes) > FLAT_SIMPLEX * longest ** points.shape[1]
     _say(done, (~thick).sum(), "{} flat cells dropped")
     cells, regions, volumes = cells[thick], regions[thick], volumes[thick]
+    _check_left(cells, name)
     cells[volumes < 0, :2] = cells[volumes < 0, 1::-1]
     _say(done, (volumes < 0).sum(), "{} inverted cells turned")
     points, cells = drop_unused(points, cells)
     return Solid(points, cells.astype(np.int32), regions.astype(np.int32))
 
 
-def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, done: list[str]) -> Surface:
+def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, name: str, done: list[str]) -> Surface:
     triangles = _without_flat(points, triangles, done)
-    if len(triangles):
-        triangles = _oriented(triangles, done)
-        points, triangles = _split(points, triangles, done)
-        points, triangles, filled, large = filled_holes(points, triangles, hole * _diagonal(points))
-        _say(done, filled, "{} holes filled")
-        _say(done, large, "{} holes left open: their rims are longer than --hole allows")
-        points, triangles = drop_unused(points, _outward(points, triangles, done))
+    _check_left(triangles, name)
+    triangles = _oriented(triangles, done)
+    points, triangles = _split(points, triangles, done)
+    size = _diagonal(points)
+    points, triangles, starts, rims = filled_holes(points, triangles)
+    triangles = _without_sheets(points, triangles, name, done)
+    rims = rims[np.isin(starts, triangles)]
+    wide = rims[rims > hole * size] / size
+    if len(wide):
+        rim, them = ("a rim", "it") if len(wide) == 1 else (f"{len(wide)} rims", "them")
+        raise MeshError(
+            f"{name}: open along {rim} of up to {wide.max():.3g} diagonals, longer than --hole {hole:g};"
+            f" --hole {np.ceil(100 * wide.max()) / 100:g} closes {them}"
+        )
+    _say(done, len(rims), "{} holes filled")
+    points, triangles = drop_unused(points, _outward(points, triangles, done))
     return Surface(points, triangles.astype(np.int32))
+
+
+def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, done: list[str]) -> np.ndarray:
+    """Triangles of closed shells without those of shells that enclose nothing; MeshError where these are no crumbs."""
+    owner, first = shells(points, triangles)
+    areas = facet_sizes(points, triangles)
+    flat: np.ndarray = np.zeros(len(first), dtype=bool)
+    for shell in range(len(first)):
+        mine = owner == shell
+        thickness = abs(enclosed_volume(points, triangles[mine])) / areas[mine].sum()
+        flat[shell] = thickness <= SHEET * _diagonal(points[triangles[mine].ravel()])
+    sheets = flat[owner]
+    share = areas[sheets].sum() / areas.sum()
+    if share > MOST_SHEETS:
+        place = ", ".join(f"{x:.3g}" for x in points[triangles[sheets]].mean(axis=(0, 1)))
+        part = "" if flat.all() else f" about ({place}), {100 * share:.2g} % of the surface,"
+        raise MeshError(f"{name}: a sheet without thickness{part} encloses no volume; give it thickness")
+    _say(done, flat.sum(), f"{{}} sheets that enclose nothing dropped, {100 * share:.2g} % of the area")
+    return triangles[~sheets]
 
 
 def _without_flat(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:
@@ -185,44 +258,103 @@ def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[
 
 
 def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:
-    """Closed shells turned outward; those inside others inward, as cavities."""
-    if len(open_edges(triangles)):
-        return triangles
+    """Closed shells turned outward; those wholly inside others inward, as cavities.
+
+    A shell inside another one that touches one, or crosses one that faces the other way, is left as it is: it may be a
+    wall as well as a cavity.
+    """
     owner, first = shells(points, triangles)
-    triangles, turned = triangles.copy(), 0
-    for shell, depth in enumerate(np.abs(shells_around(points, triangles, owner, first)).sum(axis=1)):
-        mine = owner == shell
-        if (enclosed_volume(points, triangles[mine]) < 0) != bool(depth % 2):
-            triangles[mine] = triangles[mine][:, ::-1]
-            turned += 1
-    _say(done, turned, "{} shells turned inside out")
+    around = shells_around(points, triangles, owner, len(first)) != 0
+    inward = np.array([enclosed_volume(points, triangles[owner == shell]) < 0 for shell in range(len(first))])
+    depth, meet = around.sum(axis=1), np.zeros_like(around)
+    if len(first) > 1:
+        edges, crossed, _ = crossings_of(points, triangles)
+        of_point: np.ndarray = np.zeros(len(points), dtype=np.int64)
+        of_point[triangles] = owner[:, None]
+        one, other = of_point[edges[:, 0]], owner[crossed]
+        meet[one, other] = meet[other, one] = True
+    unclear = (depth > 0) & (meet & (around | (inward[:, None] != inward))).any(axis=1)
+    turned = ~unclear & (inward != (depth % 2 == 1))
+    _say(done, turned.sum(), "{} shells turned inside out")
+    triangles = triangles.copy()
+    triangles[turned[owner]] = triangles[turned[owner]][:, ::-1]
     return triangles
 
 
-def _enclosed(surface: Surface, hole: float, envelope: float, name: str, done: list[str]) -> Surface:
-    """The surface where it is sound; else the boundary of fTetWild's mesh of what it encloses, if that is sound."""
+def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: list[str]) -> Surface:
+    """The surface where it is sound; else the union of its shells, as they are or grown, if that is sound and lies
+    within the envelope of the surface.
+    """
     try:
         judge(surface, name)
         return surface
-    except InputError:
-        pass
-    points = surface.vertices - surface.vertices.mean(axis=0)
-    size = _diagonal(points)
-    try:
-        made, cells = ftetwild(points / size, surface.triangles, ENVELOPE_EDGE, envelope, MESHER_SECONDS)
-        cells = cells.astype(np.int64)
-        inverted = simplex_volumes(made, cells) < 0
-        cells[inverted, :2] = cells[inverted, 1::-1]
-        facets = boundary_facets(cells)[0]
-        found, steps = drop_unused(made * size + surface.vertices.mean(axis=0), facets), list[str]()
-        enclosed = _surface(*found, hole, steps)
-        judge(enclosed, name)
     except InputError as error:
-        done.append(f"no envelope found that mends the rest ({error})")
-        return surface
-    done.append(
-        f"meshed anew: the boundary of what it encloses, moved by up to {envelope:g} of its size"
-        f" ({len(surface.triangles):,} triangles became {len(enclosed.triangles):,})"
-    )
-    done += [f"of the new boundary, {step}" for step in steps]
-    return enclosed
+        reason = error
+    points, triangles = surface.vertices, surface.triangles.astype(np.int64)
+    size = _diagonal(points)
+    for grown in (0.0, 0.5 * envelope) if envelope > 0.0 else ():
+        steps: list[str] = []
+        try:
+            made, facets = united(_grown(points, triangles, grown * size), triangles, MESHER_SECONDS)
+            _check_left(facets, name)
+            near = max(COINCIDENT, SLIVER * grown) * size
+            made, facets, _ = _joined(*drop_unused(made, facets), near, None, steps)
+            result = _surface(made, facets, hole, name, steps)
+            judge(result, name)
+            lost, added = deviation(points, triangles, result.vertices, result.triangles)
+            if max(lost, added) > envelope * size:
+                what = "lose" if lost > added else "add"
+                raise MeshError(
+                    f"{name}: a union would {what} a part, {max(lost, added) / size:.2g} of its size away; a larger"
+                    " --envelope allows it"
+                )
+        except InputError as error:
+            reason = error
+            continue
+        how = f"united, grown by up to {grown:g} of its size" if grown else "united"
+        done.append(f"{how}: {len(triangles):,} triangles became {len(result.triangles):,}")
+        done += [f"of the union, {step}" for step in steps]
+        return result
+    done.append(f"nothing found that mends the rest ({reason})")
+    return surface
+
+
+def _grown(points: np.ndarray, triangles: np.ndarray, most: float) -> np.ndarray:
+    """Points moved outward, those of each shell by another distance up to `most` [m]: so shells that touch within
+    round-off cross clearly.
+    """
+    owner, first = shells(points, triangles)
+    distance: np.ndarray = np.zeros(len(points))
+    distance[triangles] = most * (owner[:, None] + 1) / len(first)
+    return points + distance[:, None] * igl.per_vertex_normals(points, triangles)
+
+
+def _comparison(before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray]) -> str:
+    """A line that says how a boundary differs from what it was; of points (n, 3) [m] and cells (m, 3 or 4)."""
+    counts, volumes, boundaries = [], [], []
+    size = _diagonal(before[0][before[1].ravel()])
+    for points, cells in (before, after):
+        welded = coincident(points, COINCIDENT * size, _apart(points, cells))[cells]
+        facets = boundary_facets(welded)[0] if cells.shape[1] == 4 else welded
+        counts.append(len(shells(points, facets)[1]))
+        try:
+            check_manifold(facets, len(points), "")
+            volumes.append(abs(enclosed_volume(points, facets)))
+        except InputError:
+            volumes.append(np.nan)
+        boundaries.append((points, facets))
+    (old, new), (volume, now) = counts, volumes
+    lost, added = deviation(*boundaries[0], *boundaries[1])
+    found = [] if old == new else [f"shells {old:,} -> {new:,}"]
+    if not abs(now - volume) <= UNCHANGED * volume:
+        found.append("volume " + " -> ".join("unknown" if np.isnan(v) else f"{v:.6g} m^3" for v in volumes))
+    (low, high), (lower, higher) = (box_of(*boundary) for boundary in boundaries)
+    for axis, a, b, c, d in zip("xyz", low, high, lower, higher, strict=True):
+        if max(abs(c - a), abs(d - b)) > UNCHANGED * size:
+            found.append(f"{axis} from {a:.4g} ... {b:.4g} m to {c:.4g} ... {d:.4g} m")
+    for distance, line in (
+        (lost, "the given surface lies up to {:.2g} of its size outside"),
+        (added, "the new one up to {:.2g} off the given one"),
+    ):
+        found += [line.format(distance / size)] if distance > UNCHANGED * size else []
+    return "compared with the input: " + (", ".join(found) or "the same shells, volume, box and surface")

@@ -87,7 +87,9 @@ def boundary_loops(points: np.ndarray, edges: np.ndarray, name: str) -> list[np.
     if len(pairs):
         a, b = (tuple(int(v) for v in edges[k]) for k in pairs[0])
         raise IntersectionError(
-            f"{name}: edges {a} and {b} cross; untangle the mesh", [tuple(map(int, p)) for p in pairs]
+            f"{name}: edges {a} and {b} cross; untangle the mesh",
+            pairs.tolist(),
+            corners=list(points[edges[pairs.ravel()]]),
         )
     following = {int(a): int(b) for a, b in edges}
     loops = []

@@ -6,6 +6,7 @@ import numpy as np
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import counted_edges, edges_of, find_crossings, find_touching
+from pdvol.geometry.distances import distances_to
 from pdvol.geometry.level_mesh import connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.cpu_budget import check_budget
@@ -19,6 +20,8 @@ MOST_SHELLS = 300
 """Shells of a surface that are looked at for one inside another: with more it takes minutes."""
 LARGE_SURFACE, SAMPLE = 20_000, 500
 """Triangles of a surface above which crossings are sought in a sample first, and how many it has."""
+PLACES_SEEN = 500
+"""Vertices, and middles of triangles, of a shell that are looked at for whether it lies inside another one."""
 
 
 def some(indices: np.ndarray, shown: int = 5) -> str:
@@ -76,33 +79,44 @@ def flat_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.flatnonzero(areas <= FLAT_SIMPLEX * simplex_lengths(points, triangles) ** 2)
 
 
-def _crossing_message(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, what: str) -> tuple[str, list] | None:
-    """The first crossing of a shape with itself, in words, and all pairs; None where there is none.
+def crossings_of(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
+    """Edges (k, 2) that cross a facet, as vertices, and the index (k,) of that facet; with a remark for messages.
 
-    Of a large surface some triangles are looked at first: where everything overlaps everything, pairs do not fit into
-    memory.
+    Facets are triangles or segments. Of a large surface some triangles are looked at first: where everything overlaps
+    everything, pairs do not fit into memory.
     """
-    if len(faces) > LARGE_SURFACE:
-        some_faces = np.sort(np.random.default_rng(0).choice(len(faces), SAMPLE, replace=False))
-        few = faces[some_faces]
-        pairs = find_crossings(points, edges_of(few), few)
+    faces = facets if facets.shape[1] == 3 else facets[:, :0]
+    tries: list[np.ndarray] = [np.arange(len(facets))]
+    if len(facets) > LARGE_SURFACE:
+        tries.insert(0, np.sort(np.random.default_rng(0).choice(len(facets), SAMPLE, replace=False)))
+    for chosen in tries:
+        edges = edges_of(facets[chosen])
+        pairs = find_crossings(points, edges, faces[chosen])
         if len(pairs):
-            few_edges = edges_of(few)
-            named = [(tuple(few_edges[a].tolist()), int(some_faces[b])) for a, b in pairs]
-            return f"edge {named[0][0]} and triangle {named[0][1]} cross, in a sample of {SAMPLE:,}", named
-    pairs = find_crossings(points, edges, faces)
-    if len(pairs):
-        edge, other = edges[pairs[0, 0]], pairs[0, 1]
-        if len(faces) == 0:
-            return f"segments {pairs[0, 0]} and {other} cross", [tuple(map(int, p)) for p in pairs]
-        owner = np.flatnonzero(np.isin(faces, edge).sum(axis=1) == 2)[0]
-        return f"triangles {owner} and {other} cross", [tuple(map(int, p)) for p in pairs]
-    touching = find_touching(points, edges, faces)
+            break
+    sample = f", in a sample of {SAMPLE:,}" if len(chosen) < len(facets) else ""
+    return edges[pairs[:, 0]], chosen[pairs[:, 1]], sample
+
+
+def _check_crossings(points: np.ndarray, facets: np.ndarray, name: str, what: str, remedy: str) -> None:
+    """Raise IntersectionError where facets, triangles or segments, cross or touch themselves."""
+    edges, crossed, sample = crossings_of(points, facets)
+    if len(edges):
+        owner = np.flatnonzero(np.isin(facets, edges[0]).sum(axis=1) == 2)[0]
+        kind = "triangles" if facets.shape[1] == 3 else "segments"
+        raise IntersectionError(
+            f"{name}: {kind} {owner} and {crossed[0]} cross{sample} ({len(edges)} crossings); {remedy}",
+            zip(edges.tolist(), crossed.tolist(), strict=True),
+            corners=[c for e, f in zip(edges, crossed, strict=True) for c in (points[e], points[facets[f]])],
+        )
+    touching = find_touching(points, edges_of(facets), facets[:, :0] if facets.shape[1] == 2 else facets)
     if len(touching):
-        return f"{what} touches itself at vertices {touching[0, 0]} and {touching[0, 1]}", [
-            tuple(map(int, p)) for p in touching
-        ]
-    return None
+        raise IntersectionError(
+            f"{name}: {what} touches itself at vertices {touching[0, 0]} and {touching[0, 1]} ({len(touching)}"
+            f" crossings); {remedy}",
+            touching.tolist(),
+            corners=list(points[touching.ravel(), None]),
+        )
 
 
 def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True) -> None:
@@ -172,12 +186,8 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
             raise MeshError(f"{name}: the surface encloses no volume; give a body with an inside")
         triangles = triangles[:, ::-1] if volume < 0 else triangles
     check_budget(name)
-    found = _crossing_message(points, edges_of(triangles), triangles, "the surface")
+    _check_crossings(points, triangles, name, "the surface", "repair the self-intersections")
     check_budget(name)
-    if found:
-        raise IntersectionError(
-            f"{name}: {found[0]} ({len(found[1])} crossings); repair the self-intersections", found[1]
-        )
     if closed:
         check_nested(points, triangles.astype(np.int64), name)
     return Surface(points, np.ascontiguousarray(triangles, dtype=np.int32))
@@ -191,16 +201,31 @@ def shells(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     return owner.ravel(), first
 
 
-def shells_around(points: np.ndarray, triangles: np.ndarray, owner: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """(k, k) the winding number of each shell (column) about the first corner of each other one (row)."""
-    places, found = points[triangles[first, 0]], np.zeros((len(first), len(first)))
-    for shell in range(len(first)):
+def shells_around(points: np.ndarray, triangles: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
+    """(k, k) the winding number of each shell (column) about each other one (row) that lies wholly inside it; else 0.
+
+    Places of a shell that lie on another one, where the two touch, do not count.
+    """
+    whose, places = [], []
+    for shell in range(count):
         mine = triangles[owner == shell]
-        low, high = points[mine].min(axis=(0, 1)), points[mine].max(axis=(0, 1))
-        inside = np.flatnonzero(((places > low) & (places < high)).all(axis=1) & (np.arange(len(first)) != shell))
-        if len(inside):
-            corners, local = drop_unused(points, mine)
-            found[inside, shell] = np.round(igl.winding_number(corners, local, np.ascontiguousarray(places[inside])))
+        for seen in (points[np.unique(mine)], points[mine].mean(axis=1)):
+            places.append(seen[np.linspace(0, len(seen) - 1, min(len(seen), PLACES_SEEN)).astype(np.int64)])
+            whose.append(np.full(len(places[-1]), shell))
+    at, of = np.concatenate(places), np.concatenate(whose)
+    found: np.ndarray = np.zeros((count, count))
+    for shell in range(count):
+        corners, local = drop_unused(points, triangles[owner == shell])
+        near = ((at >= corners.min(axis=0)) & (at <= corners.max(axis=0))).all(axis=1)
+        near &= ~np.isin(of, of[~near])  # a shell that leaves the box lies outside
+        if not near[of != shell].any():
+            continue
+        near &= of != shell
+        seen, mine = np.ascontiguousarray(at[near]), of[near]
+        around = np.round(igl.winding_number(corners, local, seen))
+        clear = distances_to(seen, corners, local) > COINCIDENT * np.linalg.norm(np.ptp(corners, axis=0))
+        clear &= ~np.isin(mine, mine[clear & (around == 0)])
+        found[mine[clear], shell] = around[clear]
     return found
 
 
@@ -209,7 +234,7 @@ def check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
     owner, first = shells(points, triangles)
     if not 1 < len(first) <= MOST_SHELLS:
         return
-    around = shells_around(points, triangles, owner, first).sum(axis=1)
+    around = shells_around(points, triangles, owner, len(first)).sum(axis=1)
     for shell, (start, deep) in enumerate(zip(first, around, strict=True)):
         if deep != (enclosed_volume(points, triangles[owner == shell]) < 0.0):
             vertex = int(triangles[start, 0])
@@ -218,7 +243,8 @@ def check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
                 if deep > 0
                 else "faces inward, and lies inside no other; turn it outward"
             )
-            raise IntersectionError(f"{name}: the shell of vertex {vertex} {what}", [(vertex,)])
+            corners = list(points[triangles[owner == shell]])
+            raise IntersectionError(f"{name}: the shell of vertex {vertex} {what}", [(vertex,)], corners=corners)
 
 
 def check_outline(outline: Outline, name: str = "outline", closed: bool = True) -> Outline:
@@ -244,9 +270,7 @@ def check_outline(outline: Outline, name: str = "outline", closed: bool = True) 
     if len(short):
         mend = "remove the repeated points (the first is not repeated at the end)"
         raise MeshError(f"{name}: segments {some(short)} have no length; {mend}")
-    found = _crossing_message(points, segments, np.empty((0, 3), dtype=np.int64), "the outline")
-    if found:
-        raise IntersectionError(f"{name}: {found[0]}; untangle the outline", found[1])
+    _check_crossings(points, segments, name, "the outline", "untangle the outline")
     if closed and signed_area(points) < 0:
         points = points[::-1]
     return Outline(np.ascontiguousarray(points))

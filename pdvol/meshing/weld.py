@@ -17,12 +17,16 @@ def open_edges(triangles: np.ndarray) -> np.ndarray:
     return edges[counts == 1]
 
 
-def coincident(points: np.ndarray, distance: float) -> np.ndarray:
-    """(n,) for each point the first one at its place: nearer than `distance` [m], also over others between."""
+def coincident(points: np.ndarray, distance: float, groups: np.ndarray | None = None) -> np.ndarray:
+    """(n,) for each point the first one at its place: nearer than `distance` [m], also over others between; only of its
+    own group (n,) where groups are given.
+    """
+    groups = np.zeros(len(points), dtype=np.int64) if groups is None else groups
     if distance == 0.0:
-        _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
+        _, first, index = np.unique(np.column_stack([points, groups]), axis=0, return_index=True, return_inverse=True)
         return first[index.ravel()]
     pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    pairs = pairs[groups[pairs[:, 0]] == groups[pairs[:, 1]]]
     group = connected_parts(pairs, len(points))
     _, first = np.unique(group, return_index=True)
     return first[group]

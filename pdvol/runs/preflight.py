@@ -10,7 +10,7 @@ are not counted.
 import resource
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +67,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     scene : Scene
     seconds : how long level 0 may be simulated to estimate the levels' cost [s]; 0: not at all
     out : folder for `level_<l>.vtu` (at t = 0; cells' `quality`, at rest; points' `defect`) and `defects_<l>.vtu` (the
-        primitives of each defect); none is written if None
+        primitives of each defect), or for `defects.vtu` where a shape is at fault; none is written if None
 
     Returns
     -------
@@ -92,6 +92,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
             result["notes"] += [f"note: {line}" for line in shape_notes(scene)]
             meshes = _build_levels(scene, obstacles, result["notes"])
     except InputError as error:
+        _write_crossings(out, [error])
         return {**result, "defects": [f"defect: {error}"]}
     stopping, lost = render_defects(scene, meshes)
     result["defects"] += [f"defect: {line}" for line in stopping]
@@ -215,8 +216,7 @@ def _shortest_edge(mesh: LevelMesh) -> float:
 
 
 def _write_levels(out: Path, scene: Scene, meshes: Sequence[LevelMesh], found: Sequence[Sequence[Defect]]) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
+    with _writable(out):
         for level, (mesh, defects) in enumerate(zip(meshes, found, strict=True)):
             corners = [(corner, number) for number, defect in enumerate(defects, 1) for corner in defect.primitives]
             marks, begun = np.zeros(len(mesh.points), dtype=np.int32), mesh
@@ -230,8 +230,6 @@ def _write_levels(out: Path, scene: Scene, meshes: Sequence[LevelMesh], found: S
             write_vtu(
                 out / f"level_{level}.vtu", begun, {"defect": marks}, {"quality": mean_ratio(mesh.points, mesh.cells)}
             )
-    except OSError as error:
-        raise InputError(f"{out} cannot be written: {error.strerror}") from None
 
 
 def _estimate_costs(
@@ -297,22 +295,49 @@ def _add_notes(result: dict) -> None:
         )
 
 
-def check_meshes(files: Sequence[Path]) -> dict:
+def _write_crossings(out: Path | None, errors: Sequence[InputError | None]) -> None:
+    """`out/defects.vtu`: what crosses in shapes, numbered by where in `errors` it stands; nothing if nothing does."""
+    places = [(c, number) for number, error in enumerate(errors, 1) for c in getattr(error, "corners", ())]
+    if out is not None and places:
+        with _writable(out):
+            write_primitives(out / "defects.vtu", *zip(*places, strict=True))
+
+
+@contextmanager
+def _writable(out: Path) -> Iterator[None]:
+    """A folder to write into; what fails is an InputError."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise InputError(f"{out} cannot be written: {error.strerror}") from None
+
+
+def check_meshes(files: Sequence[Path], out: Path | None = None) -> dict:
     """Read and validate mesh files.
+
+    Parameters
+    ----------
+    files : of surfaces and volume meshes
+    out : folder for `defects.vtu`, the primitives of all crossings with a file's number from 1 as `defect`; none is
+        written if None
 
     Returns
     -------
     dict
         `sound`, and `files`: a list of objects with `file`, `sound`, `message` (one line) and `notes` (lines).
     """
-    entries = []
+    entries, errors = [], list[InputError | None]()
     for file in files:
+        errors.append(None)
         try:
             with cpu_budget(), stage(f"checking {file}"):
                 message, notes = _check_mesh(file)
             entries.append({"file": str(file), "sound": True, "message": message, "notes": notes})
         except InputError as error:
             entries.append({"file": str(file), "sound": False, "message": f"defect: {error}", "notes": []})
+            errors[-1] = error
+    _write_crossings(out, errors)
     return {"sound": all(entry["sound"] for entry in entries), "files": entries}
 
 
@@ -345,5 +370,9 @@ def shape_notes(scene: Scene) -> list[str]:
             with stage(f"checking the shape of {name}"):
                 read, notes = read_with_notes(shape)
                 check_place(body.placement(place_of(read)), name)
-                lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
+                try:
+                    lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
+                except IntersectionError as error:
+                    error.corners = [body.placement(corners) for corners in error.corners]
+                    raise
     return list(dict.fromkeys(lines))

@@ -125,7 +125,7 @@ def test_repair_makes_bodies(files, tmp_path, capfd, name):
     code, text = said(capfd, "repair", files / name, "-o", out)
     assert code == 0 and text.splitlines()[-1].endswith(", sound"), text
     assert len(text.splitlines()) > 1, "it says what it did"
-    assert ("meshed anew" in text) == (name == "crossing.obj")
+    assert ("united" in text) == (name == "crossing.obj")
     volume = out.suffix == ".mesh"
     if volume:
         assert said(capfd, "run", scene_of(out, tmp_path), "--out", tmp_path / "run")[0] == 0
@@ -144,7 +144,9 @@ def test_repair_says_what_it_did_with_counts(files, tmp_path, capfd):
     assert "4 vertices made of those in which parts met" in mend("shared_edge.obj")
     assert "1 triangles without area dropped" in mend("flat_triangle.obj")
     assert "nothing to mend" in mend("collinear.obj")
-    assert "1 holes left open" in mend("open.obj", "--hole", "0.01", "--envelope", "0")
+    assert "of up to 0.499 diagonals, longer than --hole 0.01; --hole 0.5 closes it" in mend(
+        "open.obj", "--hole", "0.01"
+    )
 
 
 def test_repair_refuses_what_it_cannot_write(files, tmp_path, capfd):

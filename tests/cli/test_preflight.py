@@ -1,13 +1,16 @@
 """`pdvol check` reports correct values, names and draws every defect, and writes files only on request."""
 
 import json
+import re
 import time
+from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
 from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
+from hostile_files import BALL, CUBE, mesh, obj, off, shifted, tets, together
 from pdvol.runs import preflight
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
@@ -153,8 +156,50 @@ def test_meshes(tmp_path, capfd, monkeypatch):
     assert all(entry["message"] for entry in found["files"])
     assert [entry["sound"] for entry in found["files"]] == [True, True, False] and not found["sound"]
     assert "worst cells (mean ratio) 1 (" in capfd.readouterr().out
-    assert pdvol("check", "cube.off", "-o", "drawn") == 2
-    assert not (tmp_path / "drawn").exists()
+    assert pdvol("check", "cube.off", "-o", "drawn") == 0
+    assert not (tmp_path / "drawn").exists(), "nothing crosses"
+
+
+CROSSING_SHAPES = {
+    "surface": (together(shifted(BALL, 0.0), shifted(BALL, (1.1, 0.2, 0.1))), "ball.obj", ["line", "triangle"]),
+    "touching boxes": (together(shifted(CUBE, 0.0), shifted(CUBE, (1.0, 0.3, 0.4))), "b.off", ["line", "triangle"]),
+    "a shell inside": (together(shifted(BALL, 0.0), shifted(BALL, 0.0, size=0.5)), "inner.obj", ["triangle"]),
+    "volume mesh": (together(tets(), tets(0.37)), "solid.mesh", ["line", "triangle"]),
+}
+
+
+@pytest.mark.parametrize("case", CROSSING_SHAPES)
+def test_all_crossings_of_shapes_are_drawn(tmp_path, capfd, case):
+    """Of a mesh file as it is, of a scene as its placement has it; every line crosses the triangle of its number."""
+    (points, cells), name, kinds = CROSSING_SHAPES[case]
+    (tmp_path / name).write_bytes({".obj": obj, ".off": off, ".mesh": mesh}[Path(name).suffix](points, cells))
+    (tmp_path / "cube.off").write_text(CUBE_OFF)
+    shape = repr(str(tmp_path / name))
+    shape, targets = (f"({shape},)", "()") if name.endswith("mesh") else (shape, "(300,)")
+    write(
+        tmp_path / "scene.py",
+        f"""
+import pdvol
+def scene():
+    place = pdvol.Placement((5.0, 0.0, 0.0))
+    return pdvol.Scene((pdvol.Body({shape}, pdvol.NeoHookean(1e5), {targets}, placement=place),), dt=0.01, steps=1)
+""",
+    )
+    for files, number, shift in ((("cube.off", name), 2, 0.0), (("scene.py",), 1, 5.0)):
+        out = tmp_path / f"drawn{number}"
+        assert pdvol("check", *(tmp_path / file for file in files), "-o", out) == 2
+        said = re.search(r"\((\d+) crossings\)", capfd.readouterr().out)
+        drawn = meshio.read(out / "defects.vtu")
+        assert [path.name for path in out.iterdir()] == ["defects.vtu"]
+        assert [block.type for block in drawn.cells] == kinds
+        assert all((numbers == number).all() for numbers in drawn.cell_data["defect"])
+        corners = [drawn.points[block.data] - (shift, 0.0, 0.0) for block in drawn.cells]
+        low, high = points.min(axis=0) - 1e-9, points.max(axis=0) + 1e-9
+        assert all(((low <= block) & (block <= high)).all() for block in corners)
+        if said:
+            assert [len(block) for block in corners] == [int(said[1])] * 2
+            overlap = corners[0].min(axis=1) <= corners[1].max(axis=1) + 1e-9
+            assert (overlap & (corners[0].max(axis=1) >= corners[1].min(axis=1) - 1e-9)).all(), "boxes of each pair"
 
 
 # ---- costs

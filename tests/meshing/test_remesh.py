@@ -27,17 +27,12 @@ def cut_ball():
     return meshes.turned(np.column_stack([np.append(0.0, np.sin(polar)), np.append(-0.5, np.cos(polar))]), 32)
 
 
-def area_inside(points):
-    x, y = points.T
-    return 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-
-
 SHAPES = {
     # name: (shape, axis across a face at its lowest coordinate, size of the face)
     "bar": (BAR, 0, 0.04),
     "cube": (meshes.box(), 2, 1.0),
-    "comb": (meshes.extrude(COMB, 0.1), 2, area_inside(COMB.points)),
-    "cylinder": (meshes.cylinder(), 1, 24 / 2 * 0.25 * np.sin(2 * np.pi / 24)),
+    "comb": (meshes.extrude(COMB, 0.1), 2, None),
+    "cylinder": (meshes.cylinder(), 1, None),
     "cut ball": (cut_ball(), 1, None),
     "flat comb": (COMB, 0, np.ptp(COMB.points[np.isclose(COMB.points[:, 0], COMB.points[:, 0].min()), 1])),
     "stadium": (Outline(STADIUM), 1, None),

@@ -89,7 +89,7 @@ def _reader(path: Path) -> tuple[str, Callable[[Path], SceneFile], str]:
     kind = "Alembic" if path.suffix.lower() in ALEMBIC_FILES else "USD"
     reader, module, package = READERS[kind]
     if find_spec(module.partition(".")[0]) is None:
-        raise InputError(f"{kind} files need the package {package}: pip install {package}, or pdvol[{kind.lower()}]")
+        raise InputError(f"{kind} files need the package {package}: pip install {package}")
     return kind, reader, module
 
 
