@@ -11,7 +11,7 @@ from pdvol.geometry.boundary_search import nearest_points
 from pdvol.geometry.distances import distances_to
 from pdvol.geometry.level_mesh import connected_parts, facet_sizes
 
-COPLANAR = 1e-4
+ONE_PLANE = 1e-4
 """Angle [rad] between neighbouring facets of one plane: round-off of coordinates in single precision."""
 SHARP_ANGLE = float(np.deg2rad(40.0))
 """Angle [rad] between facets above which their edge is a feature of the shape: curved surfaces of ten facets around are
@@ -43,9 +43,9 @@ class FlatFaces:
         normals, sizes = unit_normals(self.points, facets), facet_sizes(self.points, facets)
         beside = neighbours(facets)
         angles = np.arccos(np.clip((normals[beside[:, 0]] * normals[beside[:, 1]]).sum(axis=1), -1.0, 1.0))
-        piece = connected_parts(beside[angles < COPLANAR], len(facets))
+        piece = connected_parts(beside[angles < ONE_PLANE], len(facets))
         areas = np.bincount(piece, sizes)
-        ends = piece[beside[(angles >= COPLANAR) & (angles < SHARP_ANGLE)]]
+        ends = piece[beside[(angles >= ONE_PLANE) & (angles < SHARP_ANGLE)]]
         largest = np.zeros(len(areas))
         for one, other in (ends.T, ends.T[::-1]):
             np.maximum.at(largest, one, areas[other])

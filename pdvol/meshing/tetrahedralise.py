@@ -223,6 +223,7 @@ def with_volume_checked(
 
 
 def volume_and_area(surface: Surface) -> tuple[float, float]:
+    """Volume [m^3] inside a closed surface, and its area [m^2]."""
     points, triangles = surface.vertices, surface.triangles
     return enclosed_volume(points, triangles), float(facet_sizes(points, triangles).sum())
 
