@@ -22,8 +22,10 @@ SMOOTH = 1.2
 vertices has 0.5; animals of 1,000 have 1.2 to 3 somewhere, and lose an ear or a foot."""
 LEFT_OUT = 0.02
 """Part of a surface's area whose curvature does not count: single facets of an input that was not made evenly."""
-MISSED = 0.15
+MISSED = 0.2
 """Distance of the input's vertices from the mesh, relative to its edges, above which they are detail that is lost."""
+FAR_FROM_ASKED = 0.5
+"""Relative deviation of the number of vertices from the target above which decimation, which drops features, is tried."""
 LEAST_QUALITY = 0.1
 """Mean-ratio quality of the worst cell: mostly 0.2 to 0.5, less where the input's own edges are short."""
 
@@ -69,7 +71,9 @@ def _remeshed(surface: Surface, target: int, name: str) -> SizedMesh:
         except (MeshError, ProcessStopped) as error:
             raise Unsuited(str(error)) from error
 
-    made = mesh_of_target_size(make, target, name, 0.78 + 4.0 / np.sqrt(target), 3)
+    made = mesh_of_target_size(make, target, name, 0.79 + 5.0 / np.sqrt(target), 3)
+    if abs(len(made.points) / target - 1.0) > FAR_FROM_ASKED:
+        raise Unsuited(f"{name}: its features take {len(made.points)} vertices")
     return made.placed(centre, size)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError, IntersectionError, SimulationError
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.binding import ISLAND, bind
@@ -28,7 +28,7 @@ from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
-from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
+from pdvol.levels.scene_fields import chosen_points, initial_velocity, scene_diagonal
 from pdvol.levels.space import LevelSpace
 from pdvol.levels.start import started
 from pdvol.meshes import Outline, Solid, Surface
@@ -42,10 +42,12 @@ from pdvol.meshing.vtu import write_primitives, write_vtu
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.runs.separation import build_apart
-from pdvol.scene import Barrier, Scene, metres
+from pdvol.scene import Barrier, Scene, Support, metres
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import say, stage
 
+SAME_AREA = 1.1
+"""Ratio of the areas that a support holds on two levels up to which they are the same part of the shape."""
 NAMED_CELLS = 5  # worst cells that are listed for each level
 GAP_RANGE = 10.0  # multiples of dhat: larger gaps do not touch in the first steps and are not searched for
 HIGH_STIFFNESS_RATIO = 1e4  # of Young's moduli: above it the iterative linear solver may fail
@@ -72,13 +74,15 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     Returns
     -------
     dict
-        `sound`, `modelled` (lines), `stiffness_ratio`, `levels` (sizes, worst cells, smallest gap, defects, cost),
+        `sound`, `modelled` (lines), `stiffness_ratio`, `supports` (area of the boundary that each holds on each level
+        [m^(d-1)], and its part of the whole), `levels` (sizes, worst cells, smallest gap, defects, cost),
         `notes` and `defects` (lines).
     """
     result: dict[str, Any] = {
         "sound": False,
         "modelled": [],
         "stiffness_ratio": None,
+        "supports": [],
         "levels": [],
         "notes": [],
         "defects": [],
@@ -106,6 +110,9 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young
         result["stiffness_ratio"] = float(young.max() / young.min())
+    with suppress(InputError):
+        result["supports"] = [_held(scene, support, meshes) for support in scene.supports]
+    result["notes"] += [f"note: {line}" for line in _support_notes(result["supports"])]
     defects = []
     for level, mesh in enumerate(meshes):
         with stage(f"checking level {level}"):
@@ -145,6 +152,29 @@ def _target_notes(scene: Scene, meshes: Sequence[LevelMesh]) -> Iterator[str]:
             asked = body.vertices[level] if body.vertices else count
             if abs(count / asked - 1.0) > ACCEPTED_DEVIATION:
                 yield f"level {level}: body {body.name!r} has {count:,} vertices, asked for {asked:,}: the closest"
+
+
+def _held(scene: Scene, support: Support, meshes: Sequence[LevelMesh]) -> dict:
+    """What a support holds of the boundary of each level: facets with all their corners."""
+    areas, wholes = [], []
+    for mesh in meshes:
+        sizes = facet_sizes(mesh.points, mesh.boundary)
+        areas.append(float(sizes[chosen_points(scene, support, mesh)[mesh.boundary].all(axis=1)].sum()))
+        wholes.append(float(sizes.sum()))
+    return {"body": support.body, "areas": areas, "shares": [a / b for a, b in zip(areas, wholes, strict=True)]}
+
+
+def _support_notes(supports: Sequence[dict]) -> Iterator[str]:
+    """A line for each support that holds clearly more of the boundary on one level than on another."""
+    for support in supports:
+        areas = support["areas"]
+        if max(areas) > SAME_AREA * min(areas):
+            least, most = int(np.argmin(areas)), int(np.argmax(areas))
+            yield (
+                f"a support of {support['body'] or 'all bodies'} holds {areas[least]:.3g} of the boundary on level"
+                f" {least} and {areas[most]:.3g} on level {most}; let its `where` choose whole faces, or a part that is"
+                " wider than the longest edges"
+            )
 
 
 def _island_notes(scene: Scene, coarse: LevelMesh, fine: LevelMesh, level: int) -> Iterator[str]:
