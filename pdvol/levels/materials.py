@@ -97,8 +97,8 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
 
 def _held(region: Region, name: str, mesh: LevelMesh, mine: np.ndarray) -> np.ndarray:
     if callable(region.where):
-        places = simplex_centres(mesh.on_the_shape, mesh.cells)
-        held = mine & called(f"{name}: `where`", region.where, (places,), (len(places),)).astype(bool)
+        places, held = simplex_centres(mesh.on_the_shape, mesh.cells)[mine], mine.copy()
+        held[mine] = called(f"{name}: `where`", region.where, (places,), (len(places),)).astype(bool)
         mend = "widen its `where`, or give the coarsest level more vertices"
     else:
         held = mine & np.isin(mesh.regions, region.labels)

@@ -57,7 +57,8 @@ def cell_muscles(scene: Scene, mesh: LevelMesh) -> tuple[CellMuscle, ...]:
     found = []
     for muscle in scene.muscles:
         mine = mesh.bodies == names.index(muscle.body)
-        cells = np.flatnonzero(mine & chosen("Muscle.where", muscle.where, places))
+        mine[mine] = chosen("Muscle.where", muscle.where, places[mine])
+        cells = np.flatnonzero(mine)
         if len(cells) == 0:
             raise InputError(
                 f"Muscle.where holds no cell of body {muscle.body!r} on the coarsest level; widen it, or give that"

@@ -108,12 +108,14 @@ def initial_velocity(scene: Scene, mesh: LevelMesh, start: np.ndarray | None = N
 
 
 def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray:
-    """(n,) bool: a level's points that a support or a load chooses by its `body` and, if it has one, its `where`."""
+    """(n,) bool: a level's points that a support or a load chooses by its `body` and, if it has one, its `where`, which
+    is given the body's points alone.
+    """
     held = np.ones(len(mesh.points), dtype=bool)
-    if hasattr(chooser, "where"):
-        held = _mask(chooser, chooser.where, mesh.on_the_shape)
     if chooser.body:
-        held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
+        held = mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body)
+    if hasattr(chooser, "where"):
+        held[held] = _mask(chooser, chooser.where, mesh.on_the_shape[held])
     return held
 
 

@@ -25,7 +25,7 @@ LEFT_OUT = 0.02
 MISSED = 0.2
 """Distance of the input's vertices from the mesh, relative to its edges, above which they are detail that is lost."""
 FAR_FROM_ASKED = 0.5
-"""Relative deviation of the number of vertices from the target above which decimation, which drops features, is tried."""
+"""Relative deviation of the number of vertices from the target above which decimation is tried: it drops features."""
 LEAST_QUALITY = 0.1
 """Mean-ratio quality of the worst cell: mostly 0.2 to 0.5, less where the input's own edges are short."""
 

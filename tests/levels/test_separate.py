@@ -109,7 +109,7 @@ def test_refined_where_the_coarse_shape_cuts_corners(tmp_path):
     that level changes.
     """
     a = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    ball = Outline(0.97 * np.column_stack([np.cos(a), np.sin(a)]))
+    ball = Outline(0.98 * np.column_stack([np.cos(a), np.sin(a)]))
     bodies = (Body(bowl(), SOFT, (22, 90), name="bowl"), Body(ball, SOFT, (40, 90), name="ball"))
     scene = Scene(bodies, dt=0.01, steps=1, contact=(Barrier(),), separate=(Separate("refine", 1.0),))
     plain = build_levels(scene, cache=tmp_path)
