@@ -153,9 +153,7 @@ def _check_obstacles(run: Run, obstacles: Sequence[Obstacle], dt: float, step: i
 def _check_supports(
     run: Run, level: RunLevel, shot: Shot, step: int, obstacles: Sequence[Obstacle], ground: Sequence[Obstacle]
 ) -> None:
-    """InputError unless what supports hold was where their motions have it up to the step; supports that are described
-    as before were.
-    """
+    """InputError unless what supports hold was where their motions have it up to the step, or is described alike."""
     scene = shot.scene
     before, now = ([s.get("motion") for s in d["supports"]] for d in (run.info["description"], shot.description()))
     if before == now:

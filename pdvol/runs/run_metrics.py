@@ -196,9 +196,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
 
 
 def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]]:
-    """The run's scene and its obstacles; None, with a note, where forces cannot be computed. Notes also name what the
-    continuity does not describe.
-    """
+    """The scene and its obstacles; None where forces cannot be computed; notes say so, and name what is left out."""
     try:
         if run.info.get("method") not in PREDICTED_WITH:
             raise InputError(f"x_hat of the method {run.info.get('method')!r} is not known")

@@ -295,12 +295,7 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str, r
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
-    """The number of a run's coarsest levels that are still those of the shot. The others are simulated anew, up to
-    `last`.
-
-    Raises InputError, with the changed fields, where no level is left, or a level would be dropped that is not
-    requested.
-    """
+    """The number of coarsest levels that are still the shot's; InputError where none, or one is not asked for."""
     require_scene(run.path, run.info)
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
