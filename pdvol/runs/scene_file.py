@@ -105,6 +105,11 @@ def stored_shot(info: Mapping, trusted: bool = False) -> Shot:
     return load_shot(stored_file(info), settings, info["steps"], trusted)
 
 
+def both_described(info: Mapping, shot: Shot) -> tuple[dict, dict]:
+    """The descriptions in `run.json` and of a shot, with what these leave out."""
+    return {**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()}
+
+
 def stored_value(value: Any) -> Any:
     """A setting as `run.json` keeps it: `Relative` and `Pascal` are objects with one key there."""
     match value:
