@@ -101,10 +101,5 @@ def _scene_lines(result: dict) -> list[str]:
 
 
 def _duration(seconds: float) -> str:
-    return (
-        f"{seconds:.2g} s"
-        if seconds < 60
-        else f"{seconds / 60:.2g} min"
-        if seconds < 3600
-        else f"{seconds / 3600:.2g} h"
-    )
+    length, unit = (1, "s") if seconds < 60 else (60, "min") if seconds < 3600 else (3600, "h")
+    return f"{seconds / length:.2g} {unit}"

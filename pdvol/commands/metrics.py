@@ -44,14 +44,8 @@ def _result_lines(result: dict) -> list[str]:
             lines.append(f"  against {_means(others[entry['level']])}")
         if "centre_error" in apart.get(entry["level"], {}):
             s = apart[entry["level"]]
-            lines.append(
-                f"  apart: centre of mass {s['centre_error']['mean']:.3g} m (most {s['centre_error']['largest']:.3g})"
-                + (
-                    f", distance {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})"
-                    if "distance" in s
-                    else ""
-                )
-            )
+            distance = f", {_mean(s, 'distance', 'm', 'distance')}" if "distance" in s else ""
+            lines.append(f"  apart: {_mean(s, 'centre_error', 'm', 'centre of mass')}{distance}")
     notes = [*result["notes"], *result.get("against", {}).get("notes", [])]
     return [*lines, *(f"note: {note}" for note in dict.fromkeys(notes))]
 
@@ -62,9 +56,7 @@ def _means(entry: dict) -> str:
     s = {key: value for key, value in entry["summary"].items() if value}
     parts = [f"{entry['steps']} steps"]
     if "consistency" in s:
-        parts.append(
-            f"distance from the level below {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})"
-        )
+        parts.append(_mean(s, "distance", "m", "distance from the level below"))
         parts += [_drift(s, "", "the level below")] + [_drift(s, "_from_0", "level 0")] * (entry["level"] > 1)
     if "continuity" in s:
         parts.append(
@@ -72,18 +64,20 @@ def _means(entry: dict) -> str:
             f" {s['continuity']['largest']:.3g})"
         )
     if "continuity_error" in s:
-        parts.append(
-            f"continuity error {s['continuity_error']['mean']:.3g} kg m^2 (most {s['continuity_error']['largest']:.3g})"
-        )
+        parts.append(_mean(s, "continuity_error", "kg m^2", "continuity error"))
     if "consistency" in s:
-        parts.append(f"consistency {s['consistency']['mean']:.3g} kg m^2 (most {s['consistency']['largest']:.3g})")
+        parts.append(_mean(s, "consistency", "kg m^2", "consistency"))
         parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
     if "roughness" in s:
         parts.append(f"roughness {root_mean_square(entry['roughness']):.3g} m")
         parts += ["rougher than level 0"] if entry["rougher"] > ROUGHER else []
     if "jitter" in s:
-        parts.append(f"jitter {s['jitter']['mean']:.3g} J (most {s['jitter']['largest']:.3g})")
+        parts.append(_mean(s, "jitter", "J", "jitter"))
     return ", ".join(parts)
+
+
+def _mean(s: dict, key: str, unit: str, what: str) -> str:
+    return f"{what} {s[key]['mean']:.3g} {unit} (most {s[key]['largest']:.3g})"
 
 
 def _drift(s: dict, suffix: str, reference: str) -> str:

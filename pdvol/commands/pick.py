@@ -4,14 +4,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import (
-    add_outputs,
-    add_ranks,
-    add_trust,
-    add_wavefront,
-    chosen_ranks,
-    whole_number,
-)
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks, whole_number
 from pdvol.errors import InputError
 
 

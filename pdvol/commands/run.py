@@ -30,10 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol run`."""
     add_levels(parser)
     parser.add_argument(
-        "--method",
-        default="progressive",
-        choices=METHODS,
-        help="how finer levels are made (default: progressive)",
+        "--method", default="progressive", choices=METHODS, help="how finer levels are made (default: progressive)"
     )
     add_prolongation(parser)
     add_wavefront(parser)

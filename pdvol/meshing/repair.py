@@ -5,6 +5,8 @@ filled. Shells that cross or touch are united. The result is compared with the i
 `pdvol repair` asks for it.
 """
 
+from contextlib import suppress
+
 import igl
 import numpy as np
 
@@ -110,9 +112,7 @@ def _diagonal(points: np.ndarray) -> float:
 def _joined(
     points: np.ndarray, cells: np.ndarray, distance: float, groups: np.ndarray | None, done: list[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points, and cells without those that are lost or doubled where vertices nearer than `distance` [m], and of one
-    group, are joined; which cells are kept.
-    """
+    """Points and cells after joining vertices of one group nearer than `distance` [m]; which cells are kept."""
     first = coincident(points, distance, groups)
     _say(done, (first != np.arange(len(first))).sum(), "{} vertices welded to others")
     cells = first[cells]
@@ -133,9 +133,7 @@ def _apart(points: np.ndarray, cells: np.ndarray) -> np.ndarray | None:
 
 
 def _single(cells: np.ndarray) -> np.ndarray:
-    """(m,) whether a cell is kept: of doubled ones the first; none of two triangles that face each other where shells
-    meet, so that the surface stays as closed without them.
-    """
+    """(m,) whether a cell is kept: the first of doubled ones, or none where shells meet and stay as closed so."""
     keep = np.ones(len(cells), dtype=bool)
     keep[repeated(cells)] = False
     if cells.shape[1] == 3 and not keep.all():
@@ -205,19 +203,15 @@ def _without_flat(points: np.ndarray, triangles: np.ndarray, done: list[str]) ->
         flat = flat_triangles(points, triangles)
         touched: set[int] = set()
         for t in flat:
-            corners = triangles[t]
-            sides = [np.linalg.norm(points[corners[(k + 1) % 3]] - points[corners[(k + 2) % 3]]) for k in range(3)]
-            k = int(np.argmax(sides))
-            b, c, a = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]  # b lies on the edge from c to a
-            others = np.flatnonzero(((triangles == a) | (triangles == c)).sum(axis=1) == 2)
-            others = others[others != t]
-            if len(others) == 1 and not touched & {int(t), int(others[0])}:
-                other = triangles[others[0]]
-                d = int(other[(other != a) & (other != c)][0])
-                along = (int(a), int(c)) in {(int(other[i]), int(other[(i + 1) % 3])) for i in range(3)}
-                pair = [(a, b, d), (b, c, d)] if along else [(b, a, d), (c, b, d)]
-                triangles[t], triangles[others[0]] = pair
-                touched |= {int(t), int(others[0])}
+            after = np.roll(triangles[t], -1)
+            k = np.argmax(np.linalg.norm(points[after] - points[np.roll(after, -1)], axis=1))
+            b, c, a = np.roll(triangles[t], -k)  # b lies on the edge from c to a
+            pair = np.flatnonzero(np.isin(triangles, (a, c)).sum(axis=1) == 2)
+            if len(pair) == 2 and touched.isdisjoint(pair):
+                other = triangles[pair.sum() - t]
+                d = other[~np.isin(other, (a, c))][0]
+                triangles[pair] = (a, b, d), (b, c, d)
+                touched.update(pair)
                 turned += 1
         if not touched:
             break
@@ -232,11 +226,8 @@ def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
     turned, part = igl.bfs_orient(np.ascontiguousarray(triangles))[:2]
     turned = np.asarray(turned, dtype=np.int64)
     changed = (turned != triangles).any(axis=1)
-    for number in np.unique(part):
-        mine = part == number
-        if changed[mine].sum() > mine.sum() / 2:
-            turned[mine] = turned[mine][:, ::-1]
-            changed[mine] = ~changed[mine]
+    most = (np.bincount(part, changed) > np.bincount(part) / 2)[part]
+    turned[most], changed = turned[most][:, ::-1], changed ^ most
     _say(done, changed.sum(), "{} triangles turned to agree with their neighbours")
     return turned
 
@@ -258,11 +249,7 @@ def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[
 
 
 def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:
-    """Closed shells turned outward; those wholly inside others inward, as cavities.
-
-    A shell inside another one that touches one, or crosses one that faces the other way, is left as it is: it may be a
-    wall as well as a cavity.
-    """
+    """Closed shells turned outward, cavities inward; those that touch or cross as walls may do are left as they are."""
     owner, first = shells(points, triangles)
     around = shells_around(points, triangles, owner, len(first)) != 0
     inward = np.array([enclosed_volume(points, triangles[owner == shell]) < 0 for shell in range(len(first))])
@@ -282,9 +269,7 @@ def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.n
 
 
 def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: list[str]) -> Surface:
-    """The surface where it is sound; else the union of its shells, as they are or grown, if that is sound and lies
-    within the envelope of the surface.
-    """
+    """The surface where it is sound; else a sound union of its shells, as they are or grown, within the envelope."""
     try:
         judge(surface, name)
         return surface
@@ -308,21 +293,18 @@ def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: 
                     f"{name}: a union would {what} a part, {max(lost, added) / size:.2g} of its size away; a larger"
                     " --envelope allows it"
                 )
+            how = f"united, grown by up to {grown:g} of its size" if grown else "united"
+            done.append(f"{how}: {len(triangles):,} triangles became {len(result.triangles):,}")
+            done += [f"of the union, {step}" for step in steps]
+            return result
         except InputError as error:
             reason = error
-            continue
-        how = f"united, grown by up to {grown:g} of its size" if grown else "united"
-        done.append(f"{how}: {len(triangles):,} triangles became {len(result.triangles):,}")
-        done += [f"of the union, {step}" for step in steps]
-        return result
     done.append(f"nothing found that mends the rest ({reason})")
     return surface
 
 
 def _grown(points: np.ndarray, triangles: np.ndarray, most: float) -> np.ndarray:
-    """Points moved outward, those of each shell by another distance up to `most` [m]: so shells that touch within
-    round-off cross clearly.
-    """
+    """Points moved outward, each shell by another distance up to `most` [m]: what touches then crosses clearly."""
     owner, first = shells(points, triangles)
     distance: np.ndarray = np.zeros(len(points))
     distance[triangles] = most * (owner[:, None] + 1) / len(first)
@@ -337,24 +319,21 @@ def _comparison(before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, 
         welded = coincident(points, COINCIDENT * size, _apart(points, cells))[cells]
         facets = boundary_facets(welded)[0] if cells.shape[1] == 4 else welded
         counts.append(len(shells(points, facets)[1]))
-        try:
+        volumes.append(np.nan)
+        with suppress(InputError):
             check_manifold(facets, len(points), "")
-            volumes.append(abs(enclosed_volume(points, facets)))
-        except InputError:
-            volumes.append(np.nan)
+            volumes[-1] = abs(enclosed_volume(points, facets))
         boundaries.append((points, facets))
-    (old, new), (volume, now) = counts, volumes
     lost, added = deviation(*boundaries[0], *boundaries[1])
-    found = [] if old == new else [f"shells {old:,} -> {new:,}"]
-    if not abs(now - volume) <= UNCHANGED * volume:
+    found = ["shells {:,} -> {:,}".format(*counts)] if counts[0] != counts[1] else []
+    if not abs(volumes[1] - volumes[0]) <= UNCHANGED * volumes[0]:
         found.append("volume " + " -> ".join("unknown" if np.isnan(v) else f"{v:.6g} m^3" for v in volumes))
     (low, high), (lower, higher) = (box_of(*boundary) for boundary in boundaries)
     for axis, a, b, c, d in zip("xyz", low, high, lower, higher, strict=True):
         if max(abs(c - a), abs(d - b)) > UNCHANGED * size:
             found.append(f"{axis} from {a:.4g} ... {b:.4g} m to {c:.4g} ... {d:.4g} m")
-    for distance, line in (
-        (lost, "the given surface lies up to {:.2g} of its size outside"),
-        (added, "the new one up to {:.2g} off the given one"),
-    ):
-        found += [line.format(distance / size)] if distance > UNCHANGED * size else []
+    if lost > UNCHANGED * size:
+        found.append(f"the given surface lies up to {lost / size:.2g} of its size outside")
+    if added > UNCHANGED * size:
+        found.append(f"the new one up to {added / size:.2g} off the given one")
     return "compared with the input: " + (", ".join(found) or "the same shells, volume, box and surface")

@@ -18,13 +18,13 @@ from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle, Script
-from pdvol.runs.scene_file import DEFAULTS, Shot
+from pdvol.runs.scene_file import Shot, both_described
 from pdvol.runs.separation import build_apart
 from pdvol.scene.fingerprint import differences
 from pdvol.store.copying import copy_run, require_new
-from pdvol.store.files import write_bytes, write_json
+from pdvol.store.files import write_json
 from pdvol.store.folder import hold, require_scene
-from pdvol.store.log import log_line, read_log
+from pdvol.store.log import read_log, write_log
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel, open_run
 
@@ -69,7 +69,7 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
         )
     _check_states(run, shot, step, last, source)
     info = copy_run(source, out, step + 1, last + 1)
-    before, now = {**DEFAULTS, **info["description"]}, _described(shot)
+    before, now = both_described(info, shot)
     rest = [{key: value for key, value in d.items() if key not in MOVED_PARTS} for d in (before, now)]
     whole = rest[0] == rest[1] and run.info.get("branched", {}).get("whole", True)
     with hold(out):
@@ -86,20 +86,12 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
         write_json(out / "run.json", info)
 
 
-def _described(shot: Shot) -> dict:
-    return {**DEFAULTS, **shot.description()}
-
-
-def _starts(description: dict) -> list:
-    """The bodies' `start`, from which supports and springs have their places and lengths."""
-    return [body.get("start") for body in description["bodies"]]
-
-
 def _check_same(run: Run, shot: Shot, step: int) -> None:
     if run.info["method"] != "progressive":
         raise InputError(f"{run.path} was run with the method {run.info['method']}; only progressive runs go on")
-    old, new = ({**d, "start": _starts(d)} for d in ({**DEFAULTS, **run.info["description"]}, _described(shot)))
-    for description in (old, new):
+    old, new = both_described(run.info, shot)
+    for description in (old, new):  # supports and springs have their places and lengths from the bodies' `start`
+        description["start"] = [body.get("start") for body in description["bodies"]]
         description["supports"] = [{k: v for k, v in s.items() if k != "motion"} for s in description["supports"]]
     for part in (*SAME_PARTS, "start"):
         changed = differences(old.get(part), new.get(part), f"scene.{part}")
@@ -153,9 +145,7 @@ def _check_obstacles(run: Run, obstacles: Sequence[Obstacle], dt: float, step: i
 def _check_supports(
     run: Run, level: RunLevel, shot: Shot, step: int, obstacles: Sequence[Obstacle], ground: Sequence[Obstacle]
 ) -> None:
-    """InputError unless what supports hold was where their motions have it up to the step; supports that are described
-    as before were.
-    """
+    """InputError unless what supports hold was where their motions have it up to the step, or is described alike."""
     scene = shot.scene
     before, now = ([s.get("motion") for s in d["supports"]] for d in (run.info["description"], shot.description()))
     if before == now:
@@ -196,4 +186,4 @@ def _forget(out: Path, step: int) -> None:
     for record in records:
         if record.get("step") == step:
             record.pop("solver_memory", None)
-    write_bytes(out / "log.jsonl", b"".join(log_line(record) for record in records))
+    write_log(out / "log.jsonl", records)

@@ -70,7 +70,9 @@ def _run_line(run: Path, file: Path) -> str:
 
 
 def _is_known(line: str) -> bool:
-    return line in _here or line in _known()
+    with suppress(OSError):
+        return line in _here or line in _list().read_text(errors="replace").split()
+    return False
 
 
 def _note(line: str) -> None:
@@ -90,12 +92,6 @@ def _texts(given: Any) -> list[str]:
     if isinstance(given, list | tuple):
         return [text for value in given for text in _texts(value)]
     return [given] if isinstance(given, str) else []
-
-
-def _known() -> set[str]:
-    with suppress(OSError):
-        return set(_list().read_text(errors="replace").split())
-    return set()
 
 
 def _list() -> Path:

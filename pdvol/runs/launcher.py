@@ -78,9 +78,7 @@ def rank_command(ranks: int) -> tuple[list[str], dict[str, str]]:
 
 
 def _environment() -> dict[str, str]:
-    """That of a process, with what launchers need: they refuse root, and more ranks than cores. Ranks that wait yield
-    the core.
-    """
+    """That of a process: launchers refuse root, and more ranks than cores; ranks that wait yield the core."""
     return {
         **without_launcher(),
         "OMPI_ALLOW_RUN_AS_ROOT": "1",

@@ -191,12 +191,7 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
 
 
 class _Worker:
-    """The processes that march one level.
-
-    Attributes
-    ----------
-    reports : receives the messages of their first rank
-    """
+    """The processes that march one level; `reports` receives the messages of their first rank."""
 
     def __init__(self, path: Path, level: int, ranks: int, alone: bool):
         self._level, self._ranks = level, ranks
@@ -322,9 +317,7 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
 
 
 def _places(run: Run, level: int, steps: int) -> np.ndarray | None:
-    """(n, d) [m]: about where a level's vertices will be when most of them touch, by the level below; None while that
-    one runs, or where nothing touches.
-    """
+    """(n, d) [m]: about where vertices will be when most touch, by the finished level below; None where none do."""
     below = run.levels[level - 1]
     contacts = [record["contacts"] for record in below.log if "contacts" in record]
     if below.steps <= steps or not any(contacts):

@@ -78,49 +78,40 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         [m^(d-1)], and its part of the whole), `levels` (sizes, worst cells, smallest gap, defects, cost),
         `notes` and `defects` (lines).
     """
-    result: dict[str, Any] = {
-        "sound": False,
-        "modelled": [],
-        "stiffness_ratio": None,
-        "supports": [],
-        "levels": [],
-        "notes": [],
-        "defects": [],
-    }
+    result: dict[str, Any] = {"sound": False, "modelled": [], "stiffness_ratio": None, "supports": []}
+    notes = list[str]()
+    result |= {"levels": [], "notes": notes, "defects": []}
     try:
         check_options(scene.solver)
         result["modelled"] = modelled_terms(scene)
         obstacles = placed_obstacles(scene.obstacles)
         call_functions(scene, obstacles)
         with cpu_budget(vertices_asked(scene)):
-            result["notes"] += [f"note: {line}" for line in shape_notes(scene)]
-            meshes = _build_levels(scene, obstacles, result["notes"])
+            notes += shape_notes(scene)
+            meshes = _build_levels(scene, obstacles, notes)
     except InputError as error:
         _write_crossings(out, [error])
-        return {**result, "defects": [f"defect: {error}"]}
+        return {**result, "notes": [f"note: {line}" for line in notes], "defects": [f"defect: {error}"]}
     stopping, lost = render_defects(scene, meshes)
     result["defects"] += [f"defect: {line}" for line in stopping]
-    result["notes"] += [f"note: {line}" for line in lost]
-    result["notes"] += [f"note: {line}" for line in _target_notes(scene, meshes)]
-    result["notes"] += [
-        f"note: {one.label} lies inside {other.label} at t = 0, where no body can reach it"
-        for one, other in buried(obstacles)
-    ]
+    notes += [*lost, *_target_notes(scene, meshes)]
+    for one, other in buried(obstacles):
+        notes.append(f"{one.label} lies inside {other.label} at t = 0, where no body can reach it")
     diagonal = scene_diagonal(scene)
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young
         result["stiffness_ratio"] = float(young.max() / young.min())
     with suppress(InputError):
         result["supports"] = [_held(scene, support, meshes) for support in scene.supports]
-    result["notes"] += [f"note: {line}" for line in _support_notes(result["supports"])]
+    notes += [f"note: {line}" for line in _support_notes(result["supports"])]
     defects = []
     for level, mesh in enumerate(meshes):
         with stage(f"checking level {level}"):
             entry, found = _check_level(scene, meshes, level, obstacles, diagonal)
         result["levels"].append(entry)
-        result["notes"] += [f"note: {line}" for line in level_notes(scene, mesh, level, diagonal)]
+        notes += level_notes(scene, mesh, level, diagonal)
         if level and len(mesh.points) <= BOUND_VERTICES:
-            result["notes"] += [f"note: {line}" for line in _island_notes(scene, meshes[level - 1], mesh, level)]
+            notes += _island_notes(scene, meshes[level - 1], mesh, level)
         result["defects"] += [f"defect at level {level}: {message}" for message in entry["defects"]]
         defects.append(found)
     if out is not None:
@@ -129,18 +120,18 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     if result["sound"] and seconds > 0 and scene.steps:
         with stage("estimating costs from level 0"):
             _estimate_costs(result, scene, meshes, obstacles, diagonal, seconds)
-    _add_notes(result)
-    return result
+    notes += _result_notes(result)
+    return {**result, "notes": [f"note: {line}" for line in notes]}
 
 
 def _build_levels(scene: Scene, obstacles: Sequence, notes: list[str]) -> Sequence[LevelMesh]:
     """The levels, with bodies set apart where the scene's `separate` allows it; unchanged where that is not enough."""
     try:
         meshes, mended = build_apart(scene, scene.levels, obstacles)
-        notes += [f"note: {line}" for line in mended]
+        notes += mended
         return meshes
     except IntersectionError as error:
-        notes.append(f"note: bodies could not be set apart: {error}")
+        notes.append(f"bodies could not be set apart: {error}")
         return build_levels(scene)
 
 
@@ -226,12 +217,8 @@ def _check_level(
             dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
             gap, _ = smallest_gap(begun, obstacles, names, GAP_RANGE * dhat)
             if gap is not None:
-                entry["smallest_gap"] = {
-                    "distance": gap.distance,
-                    "one": gap.one,
-                    "other": gap.other,
-                    "dhats": gap.distance / dhat,
-                }
+                dhats = gap.distance / dhat
+                entry["smallest_gap"] = {"distance": gap.distance, "one": gap.one, "other": gap.other, "dhats": dhats}
                 entry["near_pairs"] = smallest_gap(begun, obstacles, names, dhat)[1]
     except InputError as error:
         entry["defects"] = entry["defects"] or [str(error)]
@@ -278,16 +265,13 @@ def _estimate_costs(
             if time.perf_counter() - begin > seconds:
                 break
     except SimulationError as error:
-        result["notes"].append(f"note: level 0 cannot go on: {error}")
+        result["notes"].append(f"level 0 cannot go on: {error}")
     if not spent:
         return
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     step = float(np.mean(spent))
-    result["measured"] = {
-        "steps": len(spent),
-        "seconds_per_step": step,
-        "newton_iterations": float(np.mean(iterations)),
-    }
+    newton = float(np.mean(iterations))
+    result["measured"] = {"steps": len(spent), "seconds_per_step": step, "newton_iterations": newton}
     smoothed = any(scene.elements_of(body) == "smoothed" for body in scene.bodies)
     memory = MEMORY_PER_VERTEX[dim] * (SMOOTHED_MEMORY if smoothed else 1.0)
     extra = COST_OFFSET[dim] * (SMOOTHED_OFFSET if smoothed else 1.0)
@@ -298,30 +282,23 @@ def _estimate_costs(
         entry["memory_mb"] = used + memory * (n - n0) / 1024
 
 
-def _add_notes(result: dict) -> None:
-    notes = result["notes"]
+def _result_notes(result: dict) -> Iterator[str]:
+    """Lines on what the numbers of `check_scene` mean for a run."""
     for entry in result["levels"]:
+        level = f"level {entry['level']}"
         if entry["edges_per_step"] is not None and entry["edges_per_step"] > 1.0:
-            fits = entry["shortest_edge"] / entry["speed"]
-            notes.append(
-                f"note: level {entry['level']}: at {entry['speed']:.3g} m/s a body crosses"
-                f" {entry['edges_per_step']:.1f} of its shortest edges per step; contact holds, detail may not (dt ="
-                f" {fits:.2g} s crosses one)"
-            )
+            fits = f"contact holds, detail may not (dt = {entry['shortest_edge'] / entry['speed']:.2g} s crosses one)"
+            many = f"{entry['edges_per_step']:.1f} of its shortest edges per step"
+            yield f"{level}: at {entry['speed']:.3g} m/s a body crosses {many}; {fits}"
         if entry["poor_cells"]:
-            notes.append(
-                f"note: level {entry['level']}: {entry['poor_cells']} cells have a mean ratio below {POOR_QUALITY:g};"
-                " they slow the linear solver"
-            )
+            slow = "they slow the linear solver"
+            yield f"{level}: {entry['poor_cells']} cells have a mean ratio below {POOR_QUALITY:g}; {slow}"
         if entry["near_pairs"]:
-            notes.append(
-                f"note: level {entry['level']}: {entry['near_pairs']} pairs of primitives are nearer than dhat at t = 0"
-                " and push at once"
-            )
+            yield f"{level}: {entry['near_pairs']} pairs of primitives are nearer than dhat at t = 0 and push at once"
     if result["stiffness_ratio"] is not None and result["stiffness_ratio"] > HIGH_STIFFNESS_RATIO:
-        notes.append(
-            f"note: stiffness ratio {result['stiffness_ratio']:.1g}; the direct linear solver is the safer choice"
-            " (--set linear=direct)"
+        yield (
+            f"stiffness ratio {result['stiffness_ratio']:.1g}; the direct linear solver is the safer choice (--set"
+            " linear=direct)"
         )
 
 

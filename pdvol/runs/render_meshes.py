@@ -52,27 +52,12 @@ def bound_render_meshes(scene: Scene, meshes: Sequence[LevelMesh], set_apart: bo
                 _check_near(arrays["points"], levels[-1][0], name)
                 weights = []
                 for level, (own, vertices) in zip(meshes, levels, strict=True):
-                    w = render_weights(
-                        arrays["points"],
-                        arrays["corners"][arrays["fans"]],
-                        arrays["first"],
-                        own,
-                        mesh.interpolant,
-                        name,
-                    )
+                    fans, first = arrays["corners"][arrays["fans"]], arrays["first"]
+                    w = render_weights(arrays["points"], fans, first, own, mesh.interpolant, name)
                     of_level = (w.data, vertices[w.indices], w.indptr)
                     weights.append(sp.csr_matrix(of_level, shape=(len(arrays["points"]), len(level.points))))
-            entries.append(
-                {
-                    "body": number,
-                    "name": label,
-                    "interpolant": mesh.interpolant,
-                    "arrays": arrays,
-                    "texture": texture,
-                    "notes": notes,
-                    "weights": weights,
-                }
-            )
+            entry = {"body": number, "name": label, "interpolant": mesh.interpolant, "notes": notes}
+            entries.append({**entry, "arrays": arrays, "texture": texture, "weights": weights})
     return entries
 
 

@@ -74,14 +74,9 @@ def measure_run(path: str | Path) -> dict:
     smooth = metrics.root_mean_square(levels[0]["roughness"])
     for entry in levels:
         entry["rougher"] = metrics.root_mean_square(entry["roughness"]) / smooth if smooth > 0.0 else float("nan")
-    return {
-        "run": str(path),
-        "dt": run.dt,
-        "method": run.info.get("method", ""),
-        "prolongation": hierarchy.interpolant,
-        "notes": notes,
-        "levels": levels,
-    }
+    method = run.info.get("method", "")
+    known = {"run": str(path), "dt": run.dt, "method": method, "prolongation": hierarchy.interpolant}
+    return {**known, "notes": notes, "levels": levels}
 
 
 def write_metrics(path: Path, against: Path | None = None, file: Path | None = None) -> dict:
@@ -184,11 +179,8 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
             continue
         say(f"level {level.index}")
         masses, theirs = (lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True))
-        entry: dict[str, Any] = {
-            "level": level.index,
-            "steps": states - 1,
-            "centre_error": _centre_errors(level, its, masses, theirs, states),
-        }
+        entry: dict[str, Any] = {"level": level.index, "steps": states - 1}
+        entry["centre_error"] = _centre_errors(level, its, masses, theirs, states)
         if level.rest.shape == its.rest.shape and np.array_equal(level.rest, its.rest):
             entry["distance"] = [metrics.distance(level.positions(n), its.positions(n), masses) for n in range(states)]
         found.append(entry | {"summary": _summaries(entry)})
@@ -196,9 +188,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
 
 
 def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]]:
-    """The run's scene and its obstacles; None, with a note, where forces cannot be computed. Notes also name what the
-    continuity does not describe.
-    """
+    """The scene and its obstacles; None where forces cannot be computed; notes say so, and name what is left out."""
     try:
         if run.info.get("method") not in PREDICTED_WITH:
             raise InputError(f"x_hat of the method {run.info.get('method')!r} is not known")
@@ -231,17 +221,12 @@ def _between_levels(
         fine, coarse = level.positions(n), below.positions(n)
         consistency.append(metrics.squared_norm(projection.difference(fine, coarse), below_masses))
         distance.append(metrics.distance(fine, prolongation.prolong(coarse), masses))
-    return {
-        "consistency": consistency,
-        "distance": distance,
-        "projection": {"rank": projection.rank, "columns": projection.columns},
-    }
+    shape = {"rank": projection.rank, "columns": projection.columns}
+    return {"consistency": consistency, "distance": distance, "projection": shape}
 
 
 def _drift(run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray) -> dict:
-    """Drift of bodies from the level below and from level 0, both prolonged to this level and fitted with its masses
-    (n,) [kg], so that a level that is prolonged exactly has none.
-    """
+    """Drift of bodies from the level below and from level 0, both prolonged and fitted with the masses (n,) [kg]."""
     found: dict[str, Any] = {}
     bodies: list[dict] = [{"name": name} for name in run.info["bodies"]]
     for reference, suffix in ((level.index - 1, ""), (0, "_from_0")):
@@ -287,9 +272,5 @@ def _summary(values: Sequence[float]) -> dict:
     known = np.array([v for v in values if np.isfinite(v)])
     if not len(known):
         return {}
-    return {
-        "mean": float(known.mean()),
-        "median": float(np.median(known)),
-        "largest": float(known.max()),
-        "last": float(known[-1]),
-    }
+    found = {"mean": known.mean(), "median": np.median(known), "largest": known.max(), "last": known[-1]}
+    return {key: float(value) for key, value in found.items()}

@@ -29,7 +29,7 @@ from pdvol.runs.launcher import chosen_ranks, require_ranks
 from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
-from pdvol.runs.scene_file import DEFAULTS, Shot, stored_file, stored_shot
+from pdvol.runs.scene_file import Shot, both_described, stored_file, stored_shot
 from pdvol.runs.separation import build_apart
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
@@ -295,19 +295,12 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str, r
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
-    """The number of a run's coarsest levels that are still those of the shot. The others are simulated anew, up to
-    `last`.
-
-    Raises InputError, with the changed fields, where no level is left, or a level would be dropped that is not
-    requested.
-    """
+    """The number of coarsest levels that are still the shot's; InputError where none, or one is not asked for."""
     require_scene(run.path, run.info)
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
             raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder")
-    changed, same, levels_changed = differences_by_level(
-        {**DEFAULTS, **run.info["description"]}, {**DEFAULTS, **shot.description()}
-    )
+    changed, same, levels_changed = differences_by_level(*both_described(run.info, shot))
     changed += [] if same else levels_changed
     if changed:
         more = f"; and {len(changed) - LISTED_CHANGES} more" if len(changed) > LISTED_CHANGES else ""

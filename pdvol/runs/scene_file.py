@@ -58,12 +58,8 @@ class Shot:
         found: dict = vars(self)["_described"]
         # without, as in runs stored before there was a choice
         bodies = [{k: v for k, v in b.items() if k != "elements" or v is not None} for b in found["bodies"]]
-        found = {**found, "bodies": bodies}
-        return {
-            key: value
-            for key, value in found.items()
-            if key not in ("steps", "solver", "name") and not (key in DEFAULTS and value == DEFAULTS[key])
-        }
+        left_out = ("steps", "solver", "name", *(key for key, value in DEFAULTS.items() if found.get(key) == value))
+        return {key: value for key, value in {**found, "bodies": bodies}.items() if key not in left_out}
 
 
 def parse_settings(words: Sequence[str]) -> dict:
@@ -109,6 +105,11 @@ def stored_shot(info: Mapping, trusted: bool = False) -> Shot:
     return load_shot(stored_file(info), settings, info["steps"], trusted)
 
 
+def both_described(info: Mapping, shot: Shot) -> tuple[dict, dict]:
+    """The descriptions in `run.json` and of a shot, with what these leave out."""
+    return {**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()}
+
+
 def stored_value(value: Any) -> Any:
     """A setting as `run.json` keeps it: `Relative` and `Pascal` are objects with one key there."""
     match value:
@@ -137,7 +138,7 @@ def load_shot(
     make = _scene_function(file, trusted)
     allow(file, settings, trusted)
     accepted, general, anything = _names(make)
-    _check_names(file, make, settings)
+    check_names(file, settings, make)
     given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
     try:
         scene = make(**given)
@@ -169,13 +170,9 @@ def scene_parameters(file: str | Path) -> dict[str, inspect.Parameter]:
     return {name: parameter for name, parameter in signature.parameters.items() if parameter.kind in kinds}
 
 
-def check_names(file: Path, names: Iterable[str]) -> None:
-    """InputError unless a scene file's `scene` has parameters of these names, or every scene has such settings."""
-    _check_names(file, _scene_function(file), names)
-
-
-def _check_names(file: Path, make: Callable[..., Scene], names: Iterable[str]) -> None:
-    accepted, general, anything = _names(make)
+def check_names(file: Path, names: Iterable[str], make: Callable[..., Scene] | None = None) -> None:
+    """InputError unless a scene file's `scene`, or `make`, has parameters of these names, or every scene has them."""
+    accepted, general, anything = _names(make or _scene_function(file))
     for name in names:
         if name not in accepted and name not in general and not anything:
             raise InputError(

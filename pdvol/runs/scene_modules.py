@@ -8,17 +8,7 @@ whose code was loaded, or imports, last.
 import builtins
 import os
 import sys
-from functools import partial
-from importlib.machinery import (
-    BYTECODE_SUFFIXES,
-    EXTENSION_SUFFIXES,
-    SOURCE_SUFFIXES,
-    ExtensionFileLoader,
-    FileFinder,
-    ModuleSpec,
-    SourceFileLoader,
-    SourcelessFileLoader,
-)
+from importlib import machinery
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -59,35 +49,33 @@ class _Folder:
 
     def _holds(self, module: Any) -> bool:
         spec = getattr(module, "__spec__", None)
-        if spec is None or isinstance(spec.loader, ExtensionFileLoader):  # which cannot be loaded twice
+        if spec is None or isinstance(spec.loader, machinery.ExtensionFileLoader):  # which cannot be loaded twice
             return False
         places = [spec.origin, *(spec.submodule_search_locations or ())]
         return any(str(place).startswith(self.path + os.sep) for place in places)
 
 
-class _Compiled(SourceFileLoader):
-    """Compiles a file each time, without Python's cache: that takes an edit of the same length within a second for
-    none, and would lie beside the user's file. What the module imports later comes from its own folder, too.
-    """
+class _Compiled(machinery.SourceFileLoader):
+    """Compiles a file each time, as Python's cache misses a quick edit; later imports are from its own folder, too."""
 
     def get_code(self, fullname: str) -> CodeType:
         return self.source_to_code(self.get_data(self.path), self.path)
 
     def exec_module(self, module: ModuleType) -> None:
-        module.__dict__["__builtins__"] = {**vars(builtins), "__import__": partial(_import, _Folder.current)}
+        folder = _Folder.current
+
+        def import_(*words: Any, **named: Any) -> ModuleType:
+            folder.enter()
+            return builtins.__import__(*words, **named)
+
+        module.__dict__["__builtins__"] = {**vars(builtins), "__import__": import_}
         super().exec_module(module)
 
 
-def _import(folder: _Folder, *words: Any, **named: Any) -> ModuleType:
-    """Python's `__import__` within a folder."""
-    folder.enter()
-    return builtins.__import__(*words, **named)
-
-
-class _Finder(FileFinder):
+class _Finder(machinery.FileFinder):
     """Finds the modules beside a loaded file, as Python does, but for one that has not run here where it must have."""
 
-    def find_spec(self, fullname: str, target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(self, fullname: str, target: ModuleType | None = None) -> machinery.ModuleSpec | None:
         spec = super().find_spec(fullname, target)
         if spec is not None and spec.origin is not None:
             allow(Path(spec.origin), trusted=_Folder.current.trusted)
@@ -98,12 +86,9 @@ def _finder(path: str) -> _Finder:
     """That of the current folder and those within it, for `sys.path_hooks`."""
     if not f"{path}{os.sep}".startswith(_Folder.current.path + os.sep):
         raise ImportError("this is no folder of a scene")
-    loaders = (
-        (ExtensionFileLoader, EXTENSION_SUFFIXES),
-        (_Compiled, SOURCE_SUFFIXES),
-        (SourcelessFileLoader, BYTECODE_SUFFIXES),
-    )
-    return _Finder(path, *loaders)
+    extensions = machinery.ExtensionFileLoader, machinery.EXTENSION_SUFFIXES
+    compiled = machinery.SourcelessFileLoader, machinery.BYTECODE_SUFFIXES
+    return _Finder(path, extensions, (_Compiled, machinery.SOURCE_SUFFIXES), compiled)
 
 
 _Folder.current = _Folder(Path("none"), trusted=True)  # nothing lies there: paths are absolute
@@ -126,7 +111,7 @@ def load_module(file: Path, trusted: bool = True) -> ModuleType:
         raise InputError(f"there is no scene file {file}")
     name = f"pdvol_scene_{file.stem}"
     spec = spec_from_file_location(name, file, loader=_Compiled(name, str(file)))
-    if file.suffix not in SOURCE_SUFFIXES or spec is None or spec.loader is None:
+    if file.suffix not in machinery.SOURCE_SUFFIXES or spec is None or spec.loader is None:
         raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
     allow(file, trusted=trusted)
     _Folder(file.resolve().parent, trusted).enter()

@@ -20,7 +20,7 @@ from pdvol.parallel import on_root
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.stress import CauchyStress, von_mises
 from pdvol.registry import FORMATS
-from pdvol.runs.scene_file import DEFAULTS, stored_shot
+from pdvol.runs.scene_file import both_described, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.stages import stage
@@ -127,7 +127,7 @@ def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
     info = run.info
     require_scene(run.path, info)
     shot = stored_shot(info)
-    changed = differences({**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()})
+    changed = differences(*both_described(info, shot))
     if changed:
         raise InputError(f"its scene file has changed ({changed[0]})")
     return shot.scene, placed_obstacles(shot.scene.obstacles)

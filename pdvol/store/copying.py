@@ -7,7 +7,7 @@ from pathlib import Path
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.files import TEMPORARY, jsonable, write_json
 from pdvol.store.folder import RUN_FORMAT, late_file, level_folder, run_state
-from pdvol.store.log import read_log, write_log
+from pdvol.store.log import write_known
 from pdvol.store.reader import Run, open_run
 from pdvol.store.states import States
 
@@ -51,9 +51,7 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
             States(level_folder(target, level.index), level.rest.shape).extend(level.positions, count)
     except OSError as error:
         raise SimulationError(f"cannot copy {source} to {target}: {error.strerror or error}") from error
-    stored = dict(enumerate(counts))
-    records = read_log(source / "log.jsonl")
-    write_log(target / "log.jsonl", (r for r in records if r.get("step", 0) < stored.get(r.get("level", 0), 0)))
+    write_known(source / "log.jsonl", target / "log.jsonl", dict(enumerate(counts)))
     for entry, count, level in zip(entries, counts, kept, strict=True):
         if entry["state"] == "running" or count < level.steps:
             entry["state"] = "interrupted"

@@ -1,7 +1,7 @@
 """`log.jsonl`: one JSON object a line, one line per level and step, in the order in which they were solved."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from pdvol.errors import InputError
@@ -40,6 +40,11 @@ def read_log(path: Path) -> list[dict]:
 def log_line(record: dict) -> bytes:
     """One record as a line of the log."""
     return (json.dumps(jsonable(record)) + "\n").encode()
+
+
+def write_known(source: Path, target: Path, counts: Mapping[int, int]) -> None:
+    """Write the whole records of a log that belong to the first so many states of each level."""
+    write_log(target, (r for r in read_log(source) if r.get("step", 0) < counts.get(r.get("level", 0), 0)))
 
 
 def write_log(path: Path, records: Iterable[dict]) -> None:

@@ -27,7 +27,7 @@ from pdvol.store.folder import (
     read_info,
     run_state,
 )
-from pdvol.store.log import log_line, read_log, write_log
+from pdvol.store.log import log_line, write_known
 from pdvol.store.old_states import OldStates
 from pdvol.store.reader import Run
 from pdvol.store.states import States
@@ -270,6 +270,4 @@ class RunWriter:
 
     def _keep_log(self) -> None:
         """Drop the log's records whose state is not stored, and a torn last line."""
-        stored = dict(enumerate(self._count))
-        records = read_log(self.path / "log.jsonl")
-        write_log(self.path / "log.jsonl", (r for r in records if r.get("step", 0) < stored.get(r.get("level", 0), 0)))
+        write_known(self.path / "log.jsonl", self.path / "log.jsonl", dict(enumerate(self._count)))

@@ -224,18 +224,3 @@ def test_a_simulation_that_cannot_go_on(tmp_path, scene, capfd):
     assert run.levels[0].steps >= 1 and (out / "level_0.xdmf").exists()
     assert pdvol("run", scene, "--out", out, "--resume") == 0
     assert open_run(out).info["state"] == "done" and verify_run(out) == []
-
-
-def test_a_number_that_a_function_reads_is_part_of_the_scene(tmp_path, capfd):
-    """Edited after level 0, it would make level 1 another animation."""
-    falls = FALL.replace("Gravity((0.0, -9.81))", "Gravity(lambda t: (0.0, -G))").replace(
-        "\n\ndef scene", "\nG = 9.81\n\n\ndef scene", 1
-    )
-    scene, out = write(tmp_path / "fall.py", falls), tmp_path / "run"
-    assert pdvol("preview", scene, "--steps", 2, "--no-picture", "--out", out) == 0
-    write(scene, falls.replace("G = 9.81", "G = 1.6"))
-    capfd.readouterr()
-    assert pdvol("refine", out, "--to", 1) == 2
-    assert "holds another scene (scene.loads[0].acceleration.reads.G: 9.81 -> 1.6)" in capfd.readouterr().err
-    write(scene, falls)
-    assert pdvol("refine", out, "--to", 1, "--no-picture") == 0

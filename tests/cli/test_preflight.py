@@ -155,6 +155,7 @@ def test_meshes(tmp_path, capfd, monkeypatch):
     found = json.loads((tmp_path / "found.json").read_text())
     assert all(entry["message"] for entry in found["files"])
     assert [entry["sound"] for entry in found["files"]] == [True, True, False] and not found["sound"]
+    assert len(list(tmp_path.iterdir())) == 4, "nothing else is written unasked"
     assert "worst cells (mean ratio) 1 (" in capfd.readouterr().out
     assert pdvol("check", "cube.off", "-o", "drawn") == 0
     assert not (tmp_path / "drawn").exists(), "nothing crosses"

@@ -1,6 +1,5 @@
 """`pdvol preview` again after an edit, with and without `--watch`; `-o` and what unknown words are answered."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -11,7 +10,6 @@ import pytest
 import pdvol as package
 from cli_scenes import FALL, pdvol, states, write
 from pdvol import open_run
-from pdvol.runs.scene_file import load_module
 
 STEPS = 3
 SHORT = ("--steps", STEPS, "--no-picture", "--no-xdmf")
@@ -77,14 +75,3 @@ def until(process, word):
 def test_the_version(capsys):
     assert pdvol("--version") == 0
     assert capsys.readouterr().out == f"pdvol {package.__version__}\n"
-
-
-def test_an_edit_of_the_same_length_within_a_second_is_seen(tmp_path, monkeypatch):
-    """Python's cache of compiled files would take it for none."""
-    monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    file = tmp_path / "shot.py"
-    for speed in ("1.4", "1.6"):
-        file.write_text(f"def scene(speed={speed}):\n    return speed\n")
-        os.utime(file, (1e9, 1e9))
-        assert load_module(file).scene() == float(speed)
-    assert list(tmp_path.iterdir()) == [file]

@@ -9,7 +9,7 @@ import subprocess
 
 import pytest
 
-from cli_scenes import CUBE_OFF, SQUARE, pdvol, write
+from cli_scenes import CUBE_OFF, SQUARE, write
 from commands import PDVOL, SAFETY
 
 COMMANDS = """
@@ -312,15 +312,6 @@ def test_broken_scene_files(refuse, tmp_path, text, told):
 
 
 # ---- beside the one line
-
-
-def test_check_has_a_line_for_each_mesh(place, monkeypatch, capfd):
-    monkeypatch.chdir(place)
-    before = sorted(place.rglob("*"))
-    assert pdvol("check", "open.off", "cube.off", "nowhere.off") == 2
-    assert sorted(place.rglob("*")) == before, "nothing is written unasked"
-    out, err = capfd.readouterr()
-    assert err == "" and [line.split(":")[0] for line in out.splitlines()] == ["defect", "cube.off", "defect"]
 
 
 def test_as_a_program(tmp_path):

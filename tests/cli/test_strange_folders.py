@@ -110,6 +110,10 @@ CHANGES = {
     ),
     "another scene of that name": lambda work, out: shutil.copy(out / "trap.py", work / "fall.py"),
     "a module beside the scene": lambda work, out: shutil.copy(out / "trap.py", work / "beside.py"),
+    "its copy beside another module": lambda work, out: (
+        shutil.copy(work / "fall.py", out) and shutil.copy(out / "trap.py", out / "beside.py")
+        and runs(work, scene_file=str(out / "fall.py"))
+    ),
     "a module as a package": lambda work, out: (
         (work / "beside").mkdir() or shutil.copy(out / "trap.py", work / "beside" / "__init__.py")
     ),
@@ -164,6 +168,24 @@ def test_what_a_name_names_is_not_run_unseen(work, tmp_path, capsys, change, com
             assert sprung.exists()
 
 
+@pytest.mark.parametrize(
+    ("command", "noted"),
+    [
+        ("metrics", "no continuity"),
+        *((name, "without contact forces and stresses") for name in ("export", "play with forces")),
+    ],
+)
+def test_the_rest_is_written_and_trust_lasts(work, tmp_path, capsys, command, noted):
+    CHANGES["a module beside the scene"](work, tmp_path)
+    for more, springs in (((), False), (("--trust",), True), ((), True)):
+        (tmp_path / "sprung").unlink(missing_ok=True)
+        capsys.readouterr()
+        assert pdvol(*COMMANDS[command], *more) == 0
+        assert (tmp_path / "sprung").exists() == springs
+        said = "".join(capsys.readouterr())
+        assert (noted in said and "has not run here as it is now" in said) == (not springs)
+
+
 LINKS = {
     "states": lambda work, out: moved_out(work, out, "w/0/levels/0/states.bin"),
     "a mesh": lambda work, out: moved_out(work, out, "w/0/levels/0/mesh.npz"),
@@ -193,12 +215,8 @@ LINKS = {
 @pytest.mark.parametrize("link", LINKS)
 def test_what_lies_outside_is_neither_read_nor_written(work, tmp_path, capsys, link, command):
     words = COMMANDS[command]
-    concerned = (words[1] == "s" or "--study" in words) if link == "study.json" else "w" in words[1][:1]
-    if (link == "wedge.json" or "name" in link or "number" in link) and words[1] != "w":
-        concerned = False  # the run is read by its own folder
-    if link == "a run" and words[1] != "w":
-        concerned = False  # the user names the link
-    if not concerned:
+    of_wedge = link in ("wedge.json", "a run") or "name" in link or "number" in link  # else a run is named by itself
+    if not ("--study" in words if link == "study.json" else words[1] == "w" if of_wedge else words[1][0] == "w"):
         pytest.skip("it does not read this")
     changed(work / "w" / "wedge.json", best={"number": 0, "score": 1.0, "of": "quiet()"})
     LINKS[link](work, tmp_path)

@@ -253,8 +253,6 @@ TWO, RANGE = ("--vary", "mu=1,2"), ("--vary", "mu=0:1")
         ((*PICK, "best"), "holds no search"),
         ((*PICK, "1", "--to", "1"), "add --refine"),
         ((*WEDGE, "--vary", "colour=1,2"), "no parameter 'colour'"),
-        ((*WEDGE, *RANGE), "mu=0:1:9"),
-        (WEDGE, "say what differs"),
         ((*WEDGE, *TWO, "--score", "beauty"), "there is no beauty"),
         ((*WEDGE, *TWO, "--jobs", "0"), "at least 1"),
         ((*WEDGE, *TWO, "--runs", "5"), "bounds of --seek"),

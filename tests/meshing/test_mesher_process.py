@@ -12,7 +12,7 @@ from pdvol.errors import MeshError
 from pdvol.meshing import tetrahedralise
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import ProcessStopped
-from pdvol.meshing.edge_length import MAX_ATTEMPTS, mesh_of_target_size
+from pdvol.meshing.edge_length import MAX_ATTEMPTS, SizedMesh, mesh_of_target_size
 
 
 def spin() -> None:
@@ -72,7 +72,8 @@ def test_a_search_ends_never_repeats_a_scale_and_takes_the_closest(fine, coarse)
 
     def make(scale, failures):
         scales.append(scale)
-        return np.zeros((fine if scale < 0.5 else coarse, 3)), np.zeros((0, 4), dtype=np.int64)
+        points = np.zeros((fine if scale < 0.5 else coarse, 3))
+        return SizedMesh(points, np.zeros((0, 4), dtype=np.int64), points)
 
     if (fine, coarse) == (3000, 100):
         with pytest.raises(MeshError, match="1000 vertices cannot be had, the closest mesh has"):

@@ -36,40 +36,27 @@ def test_a_good_surface_is_kept_and_unused_vertices_go():
     )
 
 
-def test_bad_arrays():
+def test_bad_surfaces():
     cube = box()
-    broken = cube.vertices.copy()
-    broken[3, 1] = np.nan
-    refuse(check_surface, Surface(broken, cube.triangles), MeshError, "vertices 3 have NaN")
-    far = cube.triangles.copy()
-    far[5, 0] = 99
-    refuse(check_surface, Surface(cube.vertices, far), MeshError, "triangles 5 use vertices that do not exist")
-    refuse(check_surface, Surface(np.empty((0, 3)), np.empty((0, 3), dtype=int)), MeshError, "empty")
-    refuse(check_surface, Surface(cube.vertices[:, :2], cube.triangles), MeshError, "do not fit")
-
-
-def test_degenerate_and_duplicate_triangles():
-    cube = box()
-    flat = np.vstack([cube.triangles, [[0, 1, 1]]])
-    refuse(check_surface, Surface(cube.vertices, flat), MeshError, "triangles 12 have no area")
-    twice = np.vstack([cube.triangles, np.roll(cube.triangles[2:3], 1, axis=1)])
-    refuse(check_surface, Surface(cube.vertices, twice), MeshError, "triangles 12 repeat")
-
-
-def test_open_non_manifold_and_mixed():
-    cube = box()
-    refuse(check_surface, Surface(cube.vertices, cube.triangles[1:]), MeshError, "open along 3 edges")
-    assert len(check_surface(Surface(cube.vertices, cube.triangles[1:]), closed=False).triangles) == 11
-    wall = np.vstack([cube.triangles, [[*cube.triangles[0, :2], len(cube.vertices)]]])
-    refuse(check_surface, Surface(np.vstack([cube.vertices, [[0, 0, 0]]]), wall), MeshError, "non-manifold")
-    turned = cube.triangles.copy()
-    turned[4] = turned[4, ::-1]
-    refuse(check_surface, Surface(cube.vertices, turned), MeshError, "disagree on what is outside")
-    # Two cubes welded in one corner.
-    two = joined(cube, cube, shifts=(np.zeros(3), np.ones(3)))
-    welded = np.unique(two.vertices, axis=0, return_inverse=True)
-    pinched = Surface(welded[0], welded[1].ravel()[two.triangles])
-    refuse(check_surface, pinched, MeshError, "single vertices")
+    x, t = cube.vertices, cube.triangles
+    assert len(check_surface(Surface(x, t[1:]), closed=False).triangles) == 11
+    two = joined(cube, cube, shifts=(np.zeros(3), np.ones(3)))  # welded in one corner
+    welded, of = np.unique(two.vertices, axis=0, return_inverse=True)
+    nan, far, turned = x.copy(), t.copy(), t.copy()
+    nan[3, 1], far[5, 0], turned[4] = np.nan, 99, t[4, ::-1]
+    for points, triangles, match in (
+        (nan, t, "vertices 3 have NaN"),
+        (x, far, "triangles 5 use vertices that do not exist"),
+        (np.empty((0, 3)), t[:0], "empty"),
+        (x[:, :2], t, "do not fit"),
+        (x, np.vstack([t, [[0, 1, 1]]]), "triangles 12 have no area"),
+        (x, np.vstack([t, np.roll(t[2:3], 1, axis=1)]), "triangles 12 repeat"),
+        (x, t[1:], "open along 3 edges"),
+        (np.vstack([x, [[0, 0, 0]]]), np.vstack([t, [[*t[0, :2], len(x)]]]), "non-manifold"),
+        (x, turned, "disagree on what is outside"),
+        (welded, of.ravel()[two.triangles], "single vertices"),
+    ):
+        refuse(check_surface, Surface(points, triangles), MeshError, match)
 
 
 def test_self_intersections_name_two_triangles_that_cross():

@@ -115,9 +115,7 @@ def _spread(states: ReferenceStates, plan: Plan, folder: Callable[[Variation], P
 def _orders(
     result: Mapping[str, Any], states: ReferenceStates, plan: Plan, folder: Callable[[Variation], Path]
 ) -> list[dict]:
-    """Fitted orders: of each axis of numbers at the finest level, and of the mesh size; differences [m] are those to
-    the finest value, all else as in the scene.
-    """
+    """Fitted orders of each axis of numbers at the finest level, and of the mesh size, from differences [m]."""
     found = []
     last = plan.last or 0
     for axis in plan.axes:
@@ -142,9 +140,7 @@ def _orders(
 
 
 def _alone(plan: Plan, folder: Callable[[Variation], Path]) -> Run:
-    """The run of levels simulated alone; the scene's own settings where there is none. Progressive levels take their
-    velocities from coarser ones, so that they show no order in the mesh size.
-    """
+    """The run of levels simulated alone, which shows the mesh's order; the scene's own settings where there is none."""
     alone = Variation(method="direct")
     return open_run(folder(alone if plan.done.get(alone, -1) >= (plan.last or 0) else plan.base))
 
@@ -155,9 +151,7 @@ def _mesh_size(mesh: LevelMesh) -> float:
 
 
 def _fit(name: str, finest: float, rest: Sequence[tuple[float, float]], skipped: int = 0) -> dict:
-    """The order of the finest values, after the ones skipped: coarser ones are further from where an order holds. None
-    where these are too few.
-    """
+    """The order of the finest values, after the ones skipped; None where these are too few."""
     fitted = list(range(skipped, min(skipped + LEAST_DIFFERENCES, len(rest))))
     values, differences = [rest[i][0] for i in fitted], [rest[i][1] for i in fitted]
     order = fitted_order(values, differences, finest)

@@ -54,11 +54,8 @@ def end_state(run: Run, poses: bool = False) -> np.ndarray:
 
 
 def _parts(group: list[int], ends: np.ndarray) -> list[list[int]]:
-    """A group of runs, divided by complete linkage of their ends (k, n d) [sizes]: no two of a part are further apart
-    than the height at which the tree is cut.
-
-    It is cut in the middle of the widest gap, as a quotient, between distances at which parts merge, counted from
-    `ALIKE` on; where no gap is `LEAST_GAP`, at `ALIKE` times that.
+    """A group of runs, divided by complete linkage of their ends (k, n d) [sizes] in the widest gap, as a quotient,
+    between distances at which parts merge, counted from `ALIKE` on; where none is `LEAST_GAP`, at `ALIKE` times that.
     """
     if len(group) == 1:
         return [group]

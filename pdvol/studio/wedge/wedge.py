@@ -112,16 +112,8 @@ class Wedge:
             raise InputError(f"{self.out} would hold more than {MOST_VARIATIONS} variations; choose another folder")
         for number, variation in enumerate(new, len(self.entries)):
             self._numbers[variation.name] = number
-            entry = {
-                "number": number,
-                "name": variation.name,
-                "changes": {},
-                "state": "waiting",
-                "reason": "",
-                "scores": {},
-                "cluster": -1,
-            }
-            self.entries.append(entry)
+            entry = {"number": number, "name": variation.name, "changes": {}, "state": "waiting", "reason": ""}
+            self.entries.append({**entry, "scores": {}, "cluster": -1})
         for variation in variations:  # the file's own may be from elsewhere
             self.entries[self._numbers[variation.name]]["changes"] = variation.as_json()["changes"]
         self._vary += [word for word in vary if word not in self._vary]

@@ -15,8 +15,9 @@ def changes(*words, **options):
 
 def test_a_range_has_its_ends_and_values_as_a_command_line_writes_them():
     values = parse_vary("offset=-0.1:0.1:9").values
-    assert values[0] == -0.1 and values[-1] == 0.1 and values[4] == 0 and len(values) == 9
-    np.testing.assert_allclose(values, np.linspace(-0.1, 0.1, 9), atol=1e-7)
+    assert values == (-0.1, -0.075, -0.05, -0.025, 0, 0.025, 0.05, 0.075, 0.1)
+    assert parse_vary(f"dt={1 / 240!r}:{1 / 60!r}:4").values[::3] == (1 / 240, 1 / 60)
+    assert repr(parse_vary("x=123456789:123456791:3").values) == "(123456789, 123456790, 123456791)"
     assert parse_vary("n=1:5:5").values == (1, 2, 3, 4, 5)
     assert parse_vary("offset=0.1:-0.1:2").values == (0.1, -0.1)
 
