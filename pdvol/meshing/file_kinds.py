@@ -2,7 +2,6 @@
 
 import mmap
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 from pdvol.errors import MeshError
@@ -73,8 +72,12 @@ def check_kind(path: Path) -> None:
         )
     if suffix == ".ply" and b"end_header" not in start:
         raise MeshError(f"{path}: unreadable or truncated (its header has no end); export the mesh again")
-    for count in _negative_counts(path, suffix):
-        raise MeshError(f"{path}: unreadable, it promises a negative count ({count}); export the mesh again")
+    if suffix in _COUNTS:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as contents:
+            negative = re.search(_COUNTS[suffix], contents)
+            count = negative.group(1).decode() if negative else ""
+        if count:
+            raise MeshError(f"{path}: unreadable, it promises a negative count ({count}); export the mesh again")
 
 
 def _is_wide(start: bytes) -> bool:
@@ -92,10 +95,9 @@ def _kind(text: bytes, start: bytes, size: int) -> str:
     if text[:5].lower() == b"solid" and re.search(rb"facet|endsolid", text, re.IGNORECASE):
         return ".stl"
     if text.startswith((b"<?xml", b"<VTKFile", b"<Xdmf")):
-        found = re.search(rb"<VTKFile[^>]*\stype=.(\w+)", text)
-        return (
-            (".vtu" if found.group(1) == b"UnstructuredGrid" else "") if found else ".xdmf" if b"<Xdmf" in text else ""
-        )
+        if found := re.search(rb"<VTKFile[^>]*\stype=.(\w+)", text):
+            return ".vtu" if found.group(1) == b"UnstructuredGrid" else ""
+        return ".xdmf" if b"<Xdmf" in text else ""
     beginnings = {
         ".ply": (b"ply\n", b"ply\r"),
         ".off": (b"OFF", b"COFF", b"NOFF"),
@@ -105,15 +107,6 @@ def _kind(text: bytes, start: bytes, size: int) -> str:
         ".obj": (b"v ", b"mtllib ", b"o ", b"vn ", b"vt "),
     }
     return next((kind for kind, words in beginnings.items() if text.startswith(words)), "")
-
-
-def _negative_counts(path: Path, suffix: str) -> Iterator[str]:
-    """The first negative count of a file."""
-    if suffix in _COUNTS:
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as contents:
-            found = re.search(_COUNTS[suffix], contents)
-            if found:
-                yield found.group(1).decode()
 
 
 def bytes_after_stl(path: Path) -> int | None:

@@ -83,9 +83,8 @@ def _part_of_gmsh(path: Path) -> tuple[np.ndarray, np.ndarray, list[tuple[str, n
                 parent = gmsh.model.getParent(dim, entity)[1]
                 groups = gmsh.model.getPhysicalGroupsForEntity(dim, entity).tolist()
                 for kind, _, nodes in zip(*mesh.getElements(dim, entity), strict=True):
-                    _, _, order, width, _, corners = mesh.getElementProperties(kind)
+                    _, _, _, width, _, corners = mesh.getElementProperties(kind)
                     name = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra"}.get((dim, corners), "hexahedron")
-                    name += {"triangle": "6", "quad": "8", "tetra": "10"}.get(name, "") if order > 1 else ""
                     cells = nodes.reshape(-1, width)
                     blocks += [(name, cells, group, max(parent, entity * (parent < 0))) for group in groups or [0]]
                     partitions.setdefault(dim, set()).update(gmsh.model.getPartitions(dim, entity).tolist())

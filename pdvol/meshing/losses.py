@@ -43,6 +43,7 @@ def unread_labels(cell_data: Mapping[str, Sequence[np.ndarray]], known: Collecti
     """A line on whole numbers of cells, by name and block, where none are under a name that is `known` for regions."""
     if any(name in cell_data for name in known):
         return []
-    values = {name: np.concatenate([np.ravel(part) for part in parts]) for name, parts in cell_data.items()}
+    own = {name: parts for name, parts in cell_data.items() if not name.startswith("vtk")}  # VTK's numbers and flags
+    values = {name: np.concatenate([np.ravel(part) for part in parts]) for name, parts in own.items()}
     names = [name for name, all_ in values.items() if all_.dtype.kind in "iu" and len(np.unique(all_)) > 1]
     return counted("cell data that may be regions and is not read, rename it to region", names)

@@ -23,7 +23,7 @@ from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessFailed, check_budget
 from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter
-from pdvol.meshing.surface_files import SURFACES, read_surface
+from pdvol.meshing.surface_files import SURFACES, first_that_reads, read_surface
 from pdvol.meshing.volume_files import PAIR, VOLUMES, VTK_ONLY, read_pair, read_volume
 from pdvol.meshing.weld import weld_open
 from pdvol.registry import STUDIO
@@ -78,10 +78,7 @@ def read_in_child_process(path: Path, read: Callable, *given: Any, loads: str = 
 
 
 def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surface | Solid:
-    """The shape as arrays; arrays are passed through.
-
-    See `read_with_notes`, which also says what was done to it.
-    """
+    """The shape of `read_with_notes`, without the notes."""
     return read_with_notes(shape)[0]
 
 
@@ -107,9 +104,9 @@ def read_with_notes(
         raise InputError(f"a shape must be a path, an Outline, a Surface or a Solid, not {type(shape).__name__}")
     path = Path(shape).expanduser()
     suffix = path.suffix.lower()
-    if suffix not in SURFACES + VOLUMES + VTK_ONLY + PAIR + SCENES:
-        known = ", ".join(SURFACES + VOLUMES + VTK_ONLY + PAIR + SCENES)
-        raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {known}{converter(path)}")
+    known = SURFACES + VOLUMES + VTK_ONLY + PAIR + SCENES
+    if suffix not in known:
+        raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {', '.join(known)}{converter(path)}")
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
     try:
@@ -170,5 +167,6 @@ def _read(path: Path) -> tuple[Surface | Solid, list[str]]:
     if suffix in SCENES:
         return STUDIO["read_still"](path)
     check_kind(path)
-    reader = read_surface if suffix in SURFACES else read_pair if suffix in PAIR else read_volume
-    return read_in_child_process(path, reader, loads=LOADS.get(suffix, ""))
+    if suffix in PAIR:
+        return read_in_child_process(path, first_that_reads, read_pair)
+    return read_in_child_process(path, read_surface if suffix in SURFACES else read_volume, loads=LOADS.get(suffix, ""))

@@ -81,7 +81,7 @@ def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
 
 
 def _obj(path: Path) -> tuple[RenderSurface, str, list[str]]:
-    surface, pictures, lost = read_in_child_process(path, _textured_obj)
+    surface, pictures, lost = read_in_child_process(path, first_that_reads, _parsed)
     if len(pictures) > 1:
         names = ", ".join(Path(picture).name for picture in pictures)
         raise InputError(
@@ -91,24 +91,17 @@ def _obj(path: Path) -> tuple[RenderSurface, str, list[str]]:
     return surface, pictures[0] if pictures else "", lost
 
 
-def _textured_obj(path: Path) -> tuple[RenderSurface, list[str], list[str]]:
-    """The surface of an OBJ file, its pictures and what is lost, in a child process."""
-    return first_that_reads(path, _parsed)
-
-
 def _lost_of_ply(path: Path) -> list[str]:
     """What a PLY file's header promises, and render meshes take from OBJ files alone."""
     head = path.read_bytes()[:START].partition(b"end_header")[0].decode("latin1")
-    if path.suffix.lower() != ".ply":
-        return []
-    found = re.findall(
-        r"^comment TextureFile (.*\S)|^property .*\b(texcoord|s|u|texture_u|red)\s*$", head, re.MULTILINE
-    )
+    promised = r"^comment TextureFile (.*\S)|^property .*\b(texcoord|s|u|texture_u|red)\s*$"
+    found = re.findall(promised, head, re.MULTILINE) if path.suffix.lower() == ".ply" else []
     names = [file or ("colours" if name == "red" else "texture coordinates") for file, name in found]
     return counted(f"{path}: of a PLY file not read, export OBJ", names)
 
 
 def _parsed(path: Path) -> tuple[RenderSurface, list[str], list[str]]:
+    """The surface of an OBJ file, its pictures and what is lost."""
     found = parse_obj(path)
     textured = any(any(words) for words, _ in found.textures)
     uvs = [(float(words[0]), float(words[1])) for words in found.uvs] if textured else []

@@ -142,11 +142,9 @@ def _ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
     # `fix_texture` would split vertices at a texture's seams.
     mesh = trimesh.load_mesh(path, process=False, fix_texture=False)
-    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    promised = promised_faces(path)
-    if promised is not None and promised < len(triangles):  # polygons, which trimesh has cut in fans
+    if (promised_faces(path) or np.inf) < len(mesh.faces):  # polygons, which trimesh has cut in fans
         return _polygons(path)
-    return points, triangles
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
 
 
 def _ply_without_rest(path: Path) -> tuple[np.ndarray, np.ndarray]:

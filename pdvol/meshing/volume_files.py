@@ -24,16 +24,8 @@ VTK_ONLY = (".vtp", ".pvtu", ".pvd", ".vtm", ".vtkhdf")
 PAIR = (".node", ".ele")
 """NAME.node and NAME.ele, as TetGen and Triangle write them, in text."""
 _LABELS = (
-    "gmsh:physical",
-    "medit:ref",
-    "material",
-    "MaterialIDs",
-    "regions",
-    "region",
-    "cell_tags",
-    "mesh_tags",
-    "name_to_read",
-    "gmsh:geometrical",
+    *("gmsh:physical", "medit:ref", "material", "MaterialIDs", "regions", "region", "cell_tags", "mesh_tags"),
+    *("name_to_read", "gmsh:geometrical"),
 )
 """Names under which cells carry their region, the most explicit first."""
 
@@ -48,10 +40,9 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
         It is unreadable, or holds neither tetrahedra nor triangles, or other solids.
     """
     suffix = path.suffix.lower()
-    own = {".msh": read_gmsh, ".xdmf": read_xdmf, **dict.fromkeys(VTK_ONLY, _with_vtk)}.get(suffix, _with_meshio)
-    mesh = first_that_reads(
-        path, own, *{".msh": [_with_meshio], ".vtk": [_with_vtk], ".vtu": [_with_vtk]}.get(suffix, [])
-    )
+    readers = {".msh": (read_gmsh, _with_meshio), ".xdmf": (read_xdmf,), ".mesh": (_with_meshio,)}
+    others = (_with_vtk,) if suffix in VTK_ONLY else (_with_meshio, _with_vtk)
+    mesh = first_that_reads(path, *readers.get(suffix, others))
     points = np.asarray(mesh.points, dtype=np.float64)
     unoriented = suffix == ".xdmf" or any(block.type.startswith("VTK_LAGRANGE") for block in mesh.cells)
     notes = [*mesh.info] if isinstance(mesh.info, list) else []
@@ -70,11 +61,11 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
         raise MeshError(f"{path}: holds no tetrahedra and no triangles (only {kinds}); export one of the two")
     cells = indices(path, cells)
     inside = cells.min() >= 0 and cells.max() < len(points)
-    if not tets and points.shape[1] == 3 and not (inside and np.ptp(points[cells, 2]) == 0.0):
-        labels = np.unique(_regions(mesh, blocks, rows)).tolist()
-        return Surface(points, cells), notes + lost_labels(list(map(str, labels if len(labels) > 1 else [])))
-    points = points if tets else np.ascontiguousarray(points[:, :2])
     labels = _regions(mesh, blocks, rows)
+    if not tets and points.shape[1] == 3 and not (inside and np.ptp(points[cells, 2]) == 0.0):
+        names = [str(label) for label in np.unique(labels)]
+        return Surface(points, cells), notes + lost_labels(names if len(names) > 1 else [])
+    points = points if tets else np.ascontiguousarray(points[:, :2])
     if suffix == ".msh":
         cells, labels, found = in_one_group(cells, labels)
         notes += found
@@ -147,12 +138,11 @@ def _with_vtk(path: Path) -> "meshio.Mesh":
     if path.suffix.lower() == ".pvd" and (steps := len(set(pyvista.get_reader(path).time_values))) > 1:
         notes = [f"the first of its {steps} steps is read"]
     grid = found.combine() if isinstance(found, pyvista.MultiBlock) else found.cast_to_unstructured_grid()
-    if pyvista.CellType.TRIANGLE_STRIP in grid.celltypes:
-        others = pyvista.to_meshio(grid.extract_cells(grid.celltypes != pyvista.CellType.TRIANGLE_STRIP))
-        if any(block.dim == 3 for block in others.cells):
-            grid = grid.extract_cells(grid.celltypes != pyvista.CellType.TRIANGLE_STRIP)
-        else:
-            grid = grid.extract_geometry().triangulate()
+    strips = grid.celltypes == pyvista.CellType.TRIANGLE_STRIP
+    if strips.any():
+        others = grid.extract_cells(~strips)
+        solid = any(block.dim == 3 for block in pyvista.to_meshio(others).cells)
+        grid = others if solid else grid.extract_geometry().triangulate()
     mesh = pyvista.to_meshio(grid)
     mesh.info = notes
     if _collects(path):
@@ -175,10 +165,6 @@ def read_pair(path: Path) -> tuple[Solid, list[str]]:
     MeshError
         The other file is missing, or a file does not hold what it promises.
     """
-    return first_that_reads(path, _node_and_ele)
-
-
-def _node_and_ele(path: Path) -> tuple[Solid, list[str]]:
     nodes, elements = (path.with_suffix(suffix) for suffix in PAIR)
     for file in (nodes, elements):
         if not file.is_file():

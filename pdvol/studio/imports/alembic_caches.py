@@ -5,6 +5,7 @@ units, and corners go clockwise around a face as seen from outside.
 """
 
 from collections.abc import Iterable, Iterator
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,16 @@ class AlembicFile:
 
     def __init__(self, path: Path):
         from alembic3d.Abc import IArchive
+        from alembic3d.AbcGeom import IPolyMesh, ISubD
 
         self._path, self._archive = path, IArchive(str(path))  # its objects do not keep it
         everything = list(_things(self._archive.getTop()))
-        self._meshes = {thing.getFullName(): (thing, kind) for thing in everything if (kind := _mesh(thing))}
+        self._meshes = {
+            thing.getFullName(): (thing, kind)
+            for thing in everything
+            for kind in (IPolyMesh, ISubD)
+            if kind.matches(thing.getHeader())
+        }
         others = ((thing.getMetaData().get("schema").split("_"), thing.getFullName()) for thing in everything)
         left = [f"{schema[1]} {name}" for schema, name in others if schema[1:2] in NO_MESHES]
         self.lost = counted("shapes left out, which are no meshes", left)
@@ -67,10 +74,7 @@ class AlembicFile:
         return _between(*self._tracks(name)[0], time) @ matrix[:3, :3] + matrix[3, :3]
 
     def _matrix(self, name: str, time: float | None) -> np.ndarray:
-        matrix = np.eye(4)
-        for place in self._tracks(name)[1:]:
-            matrix = matrix @ _between(*place, time)
-        return matrix
+        return reduce(np.matmul, [_between(*place, time) for place in self._tracks(name)[1:]], np.eye(4))
 
     def faces(self, name: str) -> tuple[np.ndarray, np.ndarray, bool]:
         """Of a mirrored mesh the corners go the other way round."""
@@ -93,13 +97,6 @@ def _things(top: Any) -> Iterator[Any]:
         thing = waiting.pop()
         yield thing
         waiting += [thing.getChild(i) for i in reversed(range(thing.getNumChildren()))]
-
-
-def _mesh(thing: Any) -> Any:
-    """The class of a mesh's schema: of polygons, or of a subdivision surface; None of anything else."""
-    from alembic3d.AbcGeom import IPolyMesh, ISubD
-
-    return next((kind for kind in (IPolyMesh, ISubD) if kind.matches(thing.getHeader())), None)
 
 
 def _places(thing: Any) -> list[tuple[np.ndarray, np.ndarray]]:

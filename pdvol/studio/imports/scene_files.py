@@ -1,9 +1,9 @@
 """Reads meshes of USD and Alembic files, in a child process: animations, and shapes as they are at first."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -19,38 +19,13 @@ from pdvol.studio.imports.usd_caches import UsdFile
 MOST_CACHE_BYTES = 4_000_000_000  # of a file's points at all frames: they are kept in memory
 
 
-class SceneFile(Protocol):
-    """An open file. Each instance of a mesh counts as a mesh, and its name is its place in the file.
-
-    Attributes
-    ----------
-    names : of the meshes
-    rate : units of its times in a second
-    unit : how messages write a time
-    lost : what is not read, in lines
-    """
-
-    names: list[str]
-    rate: float
-    unit: str
-    lost: list[str]
-
-    def drawn(self, name: str) -> bool:
-        """Whether pictures show the mesh at first."""
-
-    def times(self, name: str) -> Iterable[float]:
-        """When its points, its place or that of what it hangs on are given; none where it rests. Asked for first."""
-
-    def points(self, name: str, time: float | None) -> np.ndarray:
-        """(n, 3) [m] in the file's space, at a time, or at the first one."""
-
-    def faces(self, name: str) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Corners of each polygon and of all (int64), and whether these go clockwise as seen from outside."""
-
-    def groups(self, name: str) -> Iterable[str]:
-        """Names of the groups of its faces."""
-
-
+SceneFile = AlembicFile | UsdFile
+"""An open file, with the `names` of its meshes, of which each instance is one, the `rate` of its times in a second, how
+messages write a time (`unit`), and lines on what is not read (`lost`). Of each mesh it has whether pictures show it at
+first (`drawn`), the `times` at which its points or place are given, which are asked for first, none where it rests,
+its `points` (n, 3) [m] at a time, or at the first one, its `faces` (corners of each polygon, corners of all, whether
+these go clockwise as seen from outside), and the names of `groups` of its faces.
+"""
 READERS: dict[str, tuple[Callable[[Path], SceneFile], str, str]] = {
     "Alembic": (AlembicFile, "alembic3d.AbcGeom", "alembic3d"),
     "USD": (UsdFile, "pxr.UsdGeom", "usd-core"),
@@ -58,7 +33,6 @@ READERS: dict[str, tuple[Callable[[Path], SceneFile], str, str]] = {
 """By kind of file: its class, the module that this needs, and the package that has it."""
 Arrays = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Times (k,) ascending [s], points (k, n, 3) [m], triangles (t, 3) int64."""
-Result = TypeVar("Result")
 
 
 def read_animation(path: Path, prim: str = "", fps: float | None = None) -> Arrays:
@@ -70,18 +44,15 @@ def read_animation(path: Path, prim: str = "", fps: float | None = None) -> Arra
     InputError
         The file is damaged or has no such mesh, its points change in number, or the package that reads it is missing.
     """
-    return read_in_child_process(path, _animation, prim, fps, loads=_reader(path)[2])
+    return read_in_child_process(path, _opened, _animation, prim, fps, loads=_reader(path)[2])
 
 
 def read_still(path: Path) -> tuple[Surface, list[str]]:
     """All meshes of a file that pictures show, at the first of its times, as one surface, and notes.
 
-    Raises
-    ------
-    InputError
-        The file is damaged or has no meshes, or the package that reads it is missing.
+    Raises InputError as `read_animation` does.
     """
-    return read_in_child_process(path, _still, loads=_reader(path)[2])
+    return read_in_child_process(path, _opened, _still, loads=_reader(path)[2])
 
 
 def _reader(path: Path) -> tuple[str, Callable[[Path], SceneFile], str]:
@@ -93,34 +64,31 @@ def _reader(path: Path) -> tuple[str, Callable[[Path], SceneFile], str]:
     return kind, reader, module
 
 
-def _animation(path: Path, prim: str, fps: float | None) -> Arrays:
-    return _opened(path, lambda file: _joined(path, file, _chosen(path, file, prim), fps or file.rate)[0])
+def _animation(path: Path, file: SceneFile, prim: str, fps: float | None) -> Arrays:
+    return _joined(path, file, _chosen(path, file, prim), fps or file.rate)[0]
 
 
-def _still(path: Path) -> tuple[Surface, list[str]]:
-    def surface(file: SceneFile) -> tuple[Surface, list[str]]:
-        shown = _drawn(file, file.names)
-        (_, points, triangles), moves = _joined(path, file, shown, first=True)
-        notes = [
-            *counted("meshes that are read as one surface", shown if len(shown) > 1 else []),
-            *counted("meshes left out, which pictures do not show", [n for n in file.names if n not in set(shown)]),
-            *lost_labels(list(dict.fromkeys(group for name in shown for group in file.groups(name)))),
-            *file.lost,
-            *(["it moves, and its first frame is read"] if moves else []),
-        ]
-        return Surface(points[0], triangles.astype(np.int32)), notes
-
-    return _opened(path, surface)
+def _still(path: Path, file: SceneFile) -> tuple[Surface, list[str]]:
+    shown = _drawn(file, file.names)
+    (_, points, triangles), moves = _joined(path, file, shown, first=True)
+    notes = [
+        *counted("meshes that are read as one surface", shown if len(shown) > 1 else []),
+        *counted("meshes left out, which pictures do not show", [n for n in file.names if n not in set(shown)]),
+        *lost_labels(list(dict.fromkeys(group for name in shown for group in file.groups(name)))),
+        *file.lost,
+        *(["it moves, and its first frame is read"] if moves else []),
+    ]
+    return Surface(points[0], triangles.astype(np.int32)), notes
 
 
-def _opened(path: Path, use: Callable[[SceneFile], Result]) -> Result:
-    """What `use` gives of an open file that has meshes."""
+def _opened(path: Path, use: Callable, *given: Any) -> Any:
+    """The result of `use(path, file, *given)` of an open file that has meshes."""
     kind, reader, _ = _reader(path)
     try:
         file = reader(path)
         if not file.names:
             raise InputError("; ".join([f"{path}: it has no meshes", *file.lost, "export meshes"]))
-        return use(file)
+        return use(path, file, *given)
     except (RuntimeError, ValueError, IndexError) as error:
         if isinstance(error, InputError):
             raise

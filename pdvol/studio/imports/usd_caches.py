@@ -34,10 +34,8 @@ class UsdFile:
         self._path, self._stage, self._geometry = path, Usd.Stage.Open(str(path)), UsdGeom
         self._earliest = Usd.TimeCode.EarliestTime()
         self._metres, self.rate = UsdGeom.GetStageMetersPerUnit(self._stage), self._stage.GetTimeCodesPerSecond()
-        self._baked = set[Any]()
-        self._others = list[str]()
-        everything = self._below(self._stage.GetPseudoRoot().GetPath())
-        self._found = {name: (path, within) for name, path, within in everything}
+        self._baked, self._others = set[Any](), list[str]()
+        self._found = {name: found for name, *found in self._below(self._stage.GetPseudoRoot().GetPath())}
         self.names = list(self._found)
         errors = [" ".join(str(error).split())[:160] for error in self._stage.GetCompositionErrors()]
         self.lost = [

@@ -95,24 +95,19 @@ def test_an_alembic_mesh_gives_points_with_what_moves_above_it(tmp_path, kind):
     assert (normals[:, 2] > 0.5).all(), "Alembic's faces are clockwise as seen from outside"
 
 
-def test_what_rests_in_alembic_is_moved_by_what_it_hangs_on(tmp_path):
-    frames = read_frames(PointCache(alembic(tmp_path / "rig.abc", shapes=(POINTS,)), prim="/rig/hand/shape"))
-    np.testing.assert_allclose(frames.times, [0.0, 0.2])
-    for k in (0, 1):
-        np.testing.assert_allclose(frames.frame(k), turned(POINTS) + [0, 0, k], atol=FLOAT32)
-
-
-def test_an_alembic_mesh_that_rests_has_one_frame(tmp_path):
-    frames = read_frames(PointCache(alembic(tmp_path / "rig.abc"), prim="/still", begin=2.0))
-    np.testing.assert_array_equal(frames.times, [2.0])
-    np.testing.assert_allclose(frames.frame(0), POINTS, atol=FLOAT32)
-
-
-def test_alembic_places_that_do_not_inherit_begin_anew(tmp_path):
-    path = alembic(tmp_path / "rig.abc", inherits=False)
-    frames = read_frames(PointCache(path, prim="/rig/hand/shape"))
-    np.testing.assert_allclose(frames.times, [0.0, 0.4])
-    np.testing.assert_allclose(frames.frame(1), turned(POINTS + [1.0, 0, 0]), atol=FLOAT32)
+@pytest.mark.parametrize(
+    ("change", "prim", "times", "last"),
+    [
+        ({"shapes": (POINTS,)}, "/rig/hand/shape", [0.0, 0.2], turned(POINTS) + [0, 0, 1]),
+        ({}, "/still", [0.0], POINTS),
+        ({"inherits": False}, "/rig/hand/shape", [0.0, 0.4], turned(POINTS + [1.0, 0, 0])),
+    ],
+    ids=["points rest", "all rests", "the place begins anew"],
+)
+def test_what_moves_in_alembic_moves_what_hangs_on_it(tmp_path, change, prim, times, last):
+    frames = read_frames(PointCache(alembic(tmp_path / "rig.abc", **change), prim=prim, begin=2.0))
+    np.testing.assert_allclose(frames.times, 2.0 + np.array(times))
+    np.testing.assert_allclose(frames.frame(-1), last, atol=FLOAT32)
 
 
 def test_an_alembic_export_of_a_run_is_read_back(tmp_path):
