@@ -14,15 +14,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST_BYTES = {"a file": 500_000, "the tree": 18_500_000}
+MOST_BYTES = {"a file": 500_000, "the tree": 18_600_000}
 LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 """Files that may be larger: a library that players and live pages carry whole."""
 CODE = (".py", ".c", ".h", ".js")
 LINES = {
     # part: (folders or files, lines of code at most)
-    "core": (("pdvol", "forms", "meshes"), 31_300),
-    "studio": (("pdvol/studio",), 11_300),
-    "tests": (("tests",), 34_250),
+    "core": (("pdvol", "forms", "meshes"), 32_360),
+    "studio": (("pdvol/studio",), 11_470),
+    "tests": (("tests",), 35_980),
     "benchmarks": (("benchmarks",), 5_650),
     "demos": (("demos",), 3_850),
 }
