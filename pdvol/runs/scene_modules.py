@@ -84,7 +84,7 @@ class _Finder(machinery.FileFinder):
 
 def _finder(path: str) -> _Finder:
     """That of the current folder and those within it, for `sys.path_hooks`."""
-    if not f"{path}{os.sep}".startswith(_Folder.current.path + os.sep):
+    if not (f"{path}{os.sep}".startswith(_Folder.current.path + os.sep) and os.path.isdir(path)):
         raise ImportError("this is no folder of a scene")
     extensions = machinery.ExtensionFileLoader, machinery.EXTENSION_SUFFIXES
     compiled = machinery.SourcelessFileLoader, machinery.BYTECODE_SUFFIXES

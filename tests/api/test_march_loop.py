@@ -243,7 +243,7 @@ class Full(pdvol.Term):
 cube = pdvol.Body(pdvol.meshes.box(), pdvol.NeoHookean(1e5), (60,))
 shot = pdvol.Scene((cube,), dt=0.01, steps=3, loads=(pdvol.Gravity((0, 0, -9.81)),))
 for step in pdvol.march(shot, levels=0, terms=(lambda model, space: Full(),)):
-    print("step", step.step, flush=True)
+    print(f"step {step.step}", flush=True)
 """
 
 
