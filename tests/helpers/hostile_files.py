@@ -5,6 +5,7 @@ from pathlib import Path
 
 import meshio
 import numpy as np
+import trimesh
 
 from pdvol.meshes import ball, box
 from shapes import box as grid
@@ -194,3 +195,12 @@ def write(folder: Path) -> None:
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     middles = [(corners[i] + corners[j]) / 2 for i, j in ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))]
     meshio.Mesh(np.vstack([corners, middles]), [("tetra10", np.arange(10)[None])]).write(folder / "quadratic.vtu")
+
+
+def ply(**more) -> bytes:
+    data = trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False).export(file_type="ply", **more)
+    return data if isinstance(data, bytes) else data.encode()
+
+
+def stl_text() -> str:
+    return trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False).export(file_type="stl_ascii")

@@ -1,24 +1,20 @@
-"""Files as other programs write them: all that carries the data is read, and printed advice works."""
+"""Volume meshes as other programs write them: all that carries the data is read."""
 
 import shutil
-import subprocess
 from collections import Counter
 from pathlib import Path
 
 import dolfinx
 import gmsh
 import h5py
-import meshio
 import numpy as np
 import pytest
 import pyvista
-import trimesh
 from mpi4py import MPI
 
-from hostile_files import CUBE, mesh, obj, off, shifted, stl, together
+from hostile_files import CUBE, mesh, obj, ply, shifted, stl_text, together
 from pdvol.errors import MeshError
 from pdvol.meshes import Solid, Surface
-from pdvol.meshing.file_kinds import CONVERTERS, converter
 from pdvol.meshing.readers import read_shape, read_with_notes
 from pdvol.meshing.validate import check_solid, check_surface
 
@@ -155,78 +151,6 @@ def test_gmsh_runs_nothing(tmp_path, boxes):
         with pytest.raises(MeshError, match="unreadable or truncated"):
             read_shape(path)
     assert not (tmp_path / "owned").exists()
-
-
-# ---- surfaces
-
-
-def ply(**more) -> bytes:
-    data = trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False).export(file_type="ply", **more)
-    return data if isinstance(data, bytes) else data.encode()
-
-
-def coloured() -> bytes:
-    found = trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False)
-    found.visual.face_colors = [255, 0, 0, 255]
-    return found.export(file_type="ply")
-
-
-def stl_text() -> str:
-    return trimesh.Trimesh(CUBE.vertices, CUBE.triangles, process=False).export(file_type="stl_ascii")
-
-
-def with_comments(vertex: str, face: str) -> bytes:
-    """The lines of a cube in an OBJ file, with something at their ends."""
-    lines = obj(CUBE.vertices, CUBE.triangles).decode().splitlines()
-    return "\n".join(line + {"v": vertex, "f": face}[line[0]] for line in lines).encode()
-
-
-READ = {
-    "newline.ply": ply() + b"\n",
-    "zeros.ply": ply() + bytes(4096),
-    "ascii.ply": ply(encoding="ascii") + b"\n\nand more\n",
-    "colours.ply": coloured() + b"\n",
-    "newline.stl": stl(CUBE) + b"\r\n",
-    "one_more.stl": stl(CUBE) + stl(CUBE)[84:134],
-    "solid.stl": b"solid model".ljust(80) + stl(CUBE)[80:] + b"\0",
-    "both.stl": stl_text().upper().replace(".", ",").replace("\n", "\r\n").encode(),
-    "between.stl": stl_text().replace(" 0", ", 0").replace("vertex,", "vertex").encode(),
-    "returns.stl": stl_text().replace("\n", "\r").encode(),
-    "semicolons.stl": stl_text().replace("\n", ";\n").encode(),
-    "one_line.stl": stl_text().replace("\n", " ").encode(),
-    "more.stl": stl_text().encode() + b"\n; made by a program\n",
-    "face.obj": with_comments("", " # one"),
-    "tight.obj": with_comments("#a b", "#1/2 x"),
-    "tab.obj": with_comments(" # of 8", "\t# 1 2 3"),
-    "rest.off": off(CUBE.vertices, CUBE.triangles) + b"3 0 0 0\n# more\n",
-}
-
-
-@pytest.mark.parametrize("name", READ)
-def test_surfaces_with_more_than_their_data(tmp_path, name):
-    (tmp_path / name).write_bytes(READ[name])
-    surface, notes = read_with_notes(tmp_path / name)
-    assert isinstance(surface, Surface) and len(surface.vertices) == 8 and len(surface.triangles) == 12
-    check_surface(surface)
-    np.testing.assert_allclose(np.sort(surface.vertices, axis=0), np.sort(CUBE.vertices, axis=0))
-    binary = name.endswith(".stl") and READ[name].startswith((bytes(9), b"solid model"))
-    assert notes == ([f"{len(READ[name]) - 684:,} bytes after its 12 triangles are left out"] if binary else [])
-
-
-@pytest.mark.parametrize(
-    ("name", "data", "cause"),
-    [
-        ("cut.ply", ply()[:-20], "unexpected length"),
-        ("cut_ascii.ply", ply(encoding="ascii")[:-20], "promises 12 faces and holds"),
-        ("cut.stl", stl(CUBE)[:-30], "promises 12 triangles and holds 11 and 20 bytes"),
-        ("cut_ascii.stl", stl_text()[:-60].encode(), "facets begin"),
-        ("thousands.stl", stl_text().replace("0.5", "1,000.5").encode(), "could not convert"),
-    ],
-)
-def test_surfaces_with_less_than_their_data(tmp_path, name, data, cause):
-    (tmp_path / name).write_bytes(data)
-    with pytest.raises(MeshError, match=cause):
-        read_shape(tmp_path / name)
 
 
 # ---- XDMF and VTK
@@ -391,69 +315,6 @@ def test_cases(file, regions):
     else:
         check_solid(shape)
         assert labels(shape) == regions
-
-
-# ---- advice
-
-
-def sample(folder, suffix) -> Path:
-    """A small file of a kind that is not read, by a program that writes this kind."""
-    path = folder / f"a{suffix}"
-    if suffix in (".glb", ".gltf", ".dae", ".3mf"):
-        trimesh.Trimesh(CUBE.vertices, CUBE.triangles).export(path)
-    elif suffix == ".geo":
-        path.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};\n')
-    elif suffix in (".step", ".stp", ".iges", ".igs", ".brep", ".bdf", ".nas", ".med", ".unv", ".cgns"):
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
-        gmsh.model.occ.synchronize()
-        gmsh.model.mesh.generate(3)
-        gmsh.write(str(path.with_suffix(".bdf" if suffix == ".nas" else suffix)))
-        gmsh.finalize()
-        if suffix == ".nas":
-            path.with_suffix(".bdf").rename(path)
-    else:
-        meshio.Mesh(POINTS, [("tetra", TETS)]).write(path)
-    return path
-
-
-def follow(path):
-    """The shape that is read after the advice has been followed."""
-    (command,) = converter(path).split("; convert it: ")[1:]
-    subprocess.run(command, shell=True, cwd=path.parent, check=True, capture_output=True, timeout=100)
-    (made,) = (one for one in path.parent.iterdir() if one.suffix in (".obj", ".msh", ".vtu"))
-    shape = read_shape(made)
-    assert len(shape.vertices) >= 5
-
-
-KINDS = [suffix for kinds in CONVERTERS for suffix in kinds]
-
-
-@pytest.mark.parametrize("suffix", [suffix for suffix in KINDS if "assimp" not in converter(Path(f"a{suffix}"))])
-def test_the_printed_converter_converts(tmp_path, suffix, capfd):
-    follow(sample(tmp_path, suffix))
-
-
-@pytest.mark.parametrize("suffix", [".bdf", ".nas"])
-def test_the_converter_of_a_deck_with_begin_bulk(tmp_path, suffix):
-    path = tmp_path / f"a{suffix}"
-    meshio.Mesh(POINTS, [("tetra", TETS)]).write(path, file_format="nastran")
-    assert "meshio" in converter(path)
-    follow(path)
-
-
-@pytest.mark.skipif(shutil.which("assimp") is None, reason="assimp is not here")
-def test_assimp_converts(tmp_path):
-    follow(sample(tmp_path, ".dae"))
-
-
-def test_a_file_under_another_name_is_read_after_it_is_renamed(tmp_path):
-    for name, data in {"a.obj": stl(CUBE), "b.stl": ply(), "c.ply": off(CUBE.vertices, CUBE.triangles)}.items():
-        (tmp_path / name).write_bytes(data)
-        with pytest.raises(MeshError, match="rename it to ") as caught:
-            read_shape(tmp_path / name)
-        check_surface(read_shape((tmp_path / name).rename(tmp_path / str(caught.value).split("rename it to ")[1])))
 
 
 # ---- damaged files
