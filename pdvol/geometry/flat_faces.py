@@ -2,6 +2,7 @@
 a curved surface.
 """
 
+from collections.abc import Iterator
 from copy import copy
 
 import igl
@@ -20,6 +21,10 @@ smooth.
 LARGER = 4.0
 """Size of a flat face, relative to the flat pieces that it joins smoothly, at least: a facet of a curved surface is
 about as large as its neighbours.
+"""
+LEAST_SHARE = 0.01
+"""Area of a flat face that joins others smoothly, relative to the whole boundary's, at least: curved surfaces of uneven
+facets have a large one here and there.
 """
 NEGLIGIBLE = 1e-9
 """Part of a direction, relative to its length, that is round-off."""
@@ -49,8 +54,11 @@ class FlatFaces:
         largest = np.zeros(len(areas))
         for one, other in (ends.T, ends.T[::-1]):
             np.maximum.at(largest, one, areas[other])
-        flat = np.flatnonzero(areas >= LARGER * largest)
-        self.facets = [facets[piece == face] for face in flat]
+        flat = np.flatnonzero((areas >= LARGER * largest) & ((largest == 0) | (areas >= LEAST_SHARE * areas.sum())))
+        self.of_facets = np.full(len(facets), -1)
+        for face, number in enumerate(flat):
+            self.of_facets[piece == number] = face
+        self.facets = [facets[self.of_facets == face] for face in range(len(flat))]
         self.normals = np.array([sizes[piece == face] @ normals[piece == face] for face in flat]).reshape(
             -1, self.points.shape[1]
         )
@@ -58,6 +66,15 @@ class FlatFaces:
         self.offsets = np.array(
             [np.mean(self.points[np.unique(own)] @ n) for own, n in zip(self.facets, self.normals, strict=True)]
         )
+
+    def patches(self) -> np.ndarray:
+        """(m,) number of the patch of each facet: a flat face, or a connected part of the rest."""
+        beside = neighbours(self.boundary)
+        _, numbers = np.unique(
+            connected_parts(beside[self.of_facets[beside[:, 0]] == self.of_facets[beside[:, 1]]], len(self.boundary)),
+            return_inverse=True,
+        )
+        return numbers
 
     def relative(self, centre: np.ndarray, size: float) -> "FlatFaces":
         """The same faces in coordinates about `centre` (d,) [m] and in units of `size` [m]."""
@@ -77,10 +94,11 @@ class FlatFaces:
     def along(self, directions: np.ndarray, near: np.ndarray) -> np.ndarray:
         """(n, d): what is left of directions (n, d) in the planes of the faces (n, f) that each point lies on."""
         left = np.array(directions, dtype=np.float64)
-        for point in np.flatnonzero(near.any(axis=1)):
-            planes = self.normals[near[point]]
-            part = left[point] - np.linalg.pinv(planes, rcond=1e-3) @ (planes @ left[point])
-            left[point] = np.where(np.linalg.norm(part) > NEGLIGIBLE * np.linalg.norm(left[point]), part, 0.0)
+        for points, planes, inverse, _ in self._meeting(near):
+            own = left[points]
+            part = own - own @ planes.T @ inverse.T
+            zero = np.linalg.norm(part, axis=1) <= NEGLIGIBLE * np.linalg.norm(own, axis=1)
+            left[points] = np.where(zero[:, None], 0.0, part)
         return left
 
     def nearest(self, points: np.ndarray) -> np.ndarray:
@@ -90,10 +108,20 @@ class FlatFaces:
     def onto(self, points: np.ndarray, near: np.ndarray) -> np.ndarray:
         """(n, d) [m]: points (n, d) moved the shortest way onto all faces (n, f) that each is near."""
         moved = points.copy()
-        for point in np.flatnonzero(near.any(axis=1)):
-            planes, offsets = self.normals[near[point]], self.offsets[near[point]]
-            moved[point] -= np.linalg.pinv(planes, rcond=1e-3) @ (planes @ points[point] - offsets)
+        for own, planes, inverse, offsets in self._meeting(near):
+            moved[own] -= (points[own] @ planes.T - offsets) @ inverse.T
         return moved
+
+    def _meeting(self, near: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """For each set of faces that points lie on: the points, and normals (k, d), their pseudo-inverse (d, k) and
+        offsets (k,) of the faces.
+        """
+        sets, of_points = np.unique(near, axis=0, return_inverse=True)
+        for number, faces in enumerate(sets):
+            if faces.any():
+                planes = self.normals[faces]
+                inverse = np.linalg.pinv(planes, rcond=1e-3)
+                yield np.flatnonzero(of_points == number), planes, inverse, self.offsets[faces]
 
 
 def unit_normals(points: np.ndarray, facets: np.ndarray) -> np.ndarray:

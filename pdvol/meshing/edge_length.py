@@ -23,7 +23,7 @@ of a hierarchy are mostly further apart than that.
 """
 MAX_ATTEMPTS = 6
 """Number of meshes after which the search gives up."""
-ATTEMPTS_BEFORE_ACCEPTING = 3
+ATTEMPTS_BEFORE_ACCEPTING = 5
 """Number of meshes after which the search ends with one within `ACCEPTED_DEVIATION`."""
 FINER = 0.94
 """Factor on the edge length after a mesh that is not valid: about 15 % more vertices, which still suits the target."""

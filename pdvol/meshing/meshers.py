@@ -36,7 +36,7 @@ unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
     return state = state * 1664525u + 1013904223u;
 }
 """
-_TRIANGLE, _TETRAHEDRON = 2, 4
+_LINE, _TRIANGLE, _TETRAHEDRON = 1, 2, 4
 """Gmsh's numbers of these kinds of cells."""
 Mesh = tuple[np.ndarray, np.ndarray]
 
@@ -91,14 +91,20 @@ def gmsh_triangles(
 
 
 def gmsh_tetrahedra(
-    vertices: np.ndarray, triangles: np.ndarray, edge_length: float, sharp_angle: float, cpu_seconds: float
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    patches: np.ndarray,
+    edge_length: float,
+    sharp_angle: float,
+    cpu_seconds: float,
 ) -> Mesh:
     """Points (n, 3) and tetrahedra (m, 4), of either orientation, inside a closed surface that Gmsh has meshed anew
-    with triangles of one edge length. Its sharp edges stay, and new vertices lie on its triangles.
+    with triangles of one edge length. Sharp edges and those between patches stay; new vertices lie on its triangles.
 
     Parameters
     ----------
     vertices, triangles : (k, 3) [m], (t, 3)
+    patches : (t,) number of the patch that each triangle belongs to
     edge_length : [m]
     sharp_angle : [rad] between the normals of two triangles, above which their edge stays
     cpu_seconds : processor time [s] that the process may use
@@ -109,8 +115,8 @@ def gmsh_tetrahedra(
         As `Child.call`: a part of the surface cannot be parametrised, or the new one crosses itself.
     """
     with Child() as child:
-        given = np.asarray(vertices, dtype=np.float64), triangles.astype(np.int64), float(edge_length), sharp_angle
-        return child.call("Gmsh", _gmsh_solid, *given, cpu_seconds=cpu_seconds)
+        given = np.asarray(vertices, dtype=np.float64), triangles.astype(np.int64), patches, float(edge_length)
+        return child.call("Gmsh", _gmsh_solid, *given, sharp_angle, cpu_seconds=cpu_seconds)
 
 
 def united(vertices: np.ndarray, triangles: np.ndarray, cpu_seconds: float) -> Mesh:
@@ -178,13 +184,23 @@ def _gmsh(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_leng
     return coordinates[:, :2], triangles
 
 
-def _gmsh_solid(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, sharp_angle: float) -> Mesh:
+def _gmsh_solid(
+    vertices: np.ndarray, triangles: np.ndarray, patches: np.ndarray, edge_length: float, sharp_angle: float
+) -> Mesh:
     import gmsh
 
     _start_gmsh(edge_length)
-    surface = gmsh.model.addDiscreteEntity(2)
-    gmsh.model.mesh.addNodes(2, surface, np.arange(1, len(vertices) + 1), vertices.ravel())
-    gmsh.model.mesh.addElementsByType(surface, _TRIANGLE, [], triangles.ravel() + 1)
+    surfaces = [gmsh.model.addDiscreteEntity(2) for _ in range(patches.max() + 1)]
+    gmsh.model.mesh.addNodes(2, surfaces[0], np.arange(1, len(vertices) + 1), vertices.ravel())
+    for patch, surface in enumerate(surfaces):
+        gmsh.model.mesh.addElementsByType(surface, _TRIANGLE, [], triangles[patches == patch].ravel() + 1)
+    # `classifySurfaces` keeps the lines of curves, and cuts what cannot be parametrised within each surface.
+    sides = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(sides.T)
+    first, second = order[::2], order[1::2]  # closed: each edge has two triangles
+    borders = sides[first[patches[first // 3] != patches[second // 3]]]
+    curve = gmsh.model.addDiscreteEntity(1)
+    gmsh.model.mesh.addElementsByType(curve, _LINE, [], borders.ravel() + 1)
     gmsh.model.mesh.classifySurfaces(sharp_angle, True, True, np.pi)
     gmsh.model.mesh.createGeometry()
     geo = gmsh.model.geo

@@ -20,14 +20,23 @@ from pdvol.meshing.tetrahedralise import in_parts, oriented, volume_and_area, wi
 SMOOTH = 1.2
 """Curvature of a surface [1 / edge length], outside of its sharp edges, up to which it is meshed so. A ball of 100
 vertices has 0.5; animals of 1,000 have 1.2 to 3 somewhere, and lose an ear or a foot."""
+MOSTLY_FLAT = 0.5
+"""Part of a surface's area in flat faces from which its curvature does not count: the rest are fillets and bores, which
+keep their borders.
+"""
 LEFT_OUT = 0.02
 """Part of a surface's area whose curvature does not count: single facets of an input that was not made evenly."""
-MISSED = 0.2
-"""Distance of the input's vertices from the mesh, relative to its edges, above which they are detail that is lost."""
+MISSED = 0.5
+"""Distance of the input's vertices from the mesh, relative to its edges, above which they are detail that is lost: a
+corner rounded over one edge length is 0.42.
+"""
 FAR_FROM_ASKED = 0.5
 """Relative deviation of the number of vertices from the target above which decimation is tried: it drops features."""
 LEAST_QUALITY = 0.1
 """Mean-ratio quality of the worst cell: mostly 0.2 to 0.5, less where the input's own edges are short."""
+
+SPARE_TRIES = 2
+"""Meshes in a row that may be invalid before decimation is tried."""
 
 
 class Unsuited(Exception):
@@ -54,13 +63,15 @@ def _remeshed(surface: Surface, target: int, name: str) -> SizedMesh:
     unit = (surface.vertices - centre) / size
     h = edge_length(target, volume, area, 3) / size
     flat = FlatFaces(unit, surface.triangles)
+    patches = flat.patches()
     wanted = topology(surface.triangles, len(unit))
-    if (bends := curvature(unit, surface.triangles) * h) > SMOOTH:
+    flat_area = facet_sizes(unit, surface.triangles[flat.of_facets >= 0]).sum()
+    if flat_area < MOSTLY_FLAT * area / size**2 and (bends := curvature(unit, surface.triangles) * h) > SMOOTH:
         raise Unsuited(f"{name}: it is round by {bends:.2f} rad an edge")
 
-    def make(scale: float, _: int) -> SizedMesh:
+    def make(scale: float, failures: int) -> SizedMesh:
         try:
-            made = gmsh_tetrahedra(unit, surface.triangles, scale * h, SHARP_ANGLE, BASE_CPU_SECONDS)
+            made = gmsh_tetrahedra(unit, surface.triangles, patches, scale * h, SHARP_ANGLE, BASE_CPU_SECONDS)
             points, cells = oriented(*made, name)
             missed = float(distances_to(unit, points, boundary_facets(cells)[0]).max())
             if missed > MISSED * scale * h:
@@ -69,6 +80,8 @@ def _remeshed(surface: Surface, target: int, name: str) -> SizedMesh:
         except BudgetSpent:
             raise
         except (MeshError, ProcessStopped) as error:
+            if failures < SPARE_TRIES and not isinstance(error, ProcessStopped):
+                raise  # a somewhat shorter edge gives other cells
             raise Unsuited(str(error)) from error
 
     made = mesh_of_target_size(make, target, name, 0.79 + 5.0 / np.sqrt(target), 3)

@@ -1,5 +1,6 @@
 """Levels keep flat faces, sharp edges and corners, and choices by place hold the same part of the shape on each."""
 
+import gmsh
 import numpy as np
 import pytest
 
@@ -9,7 +10,7 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.flat_faces import FlatFaces
 from pdvol.geometry.level_mesh import facet_sizes, simplex_volumes
 from pdvol.levels.scene_fields import chosen_points
-from pdvol.meshes import Outline
+from pdvol.meshes import Outline, Surface
 from pdvol.meshing.build import build_levels
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
 from pdvol.meshing.remesh import LEAST_QUALITY, Unsuited, remesh
@@ -28,6 +29,22 @@ def cut_ball():
     return meshes.turned(np.column_stack([np.append(0.0, np.sin(polar)), np.append(-0.5, np.cos(polar))]), 32)
 
 
+def filleted():
+    """A block 1 x 0.6 x 0.4 all of whose edges are rounded by 0.08, as a CAD program's mesh."""
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    block = gmsh.model.occ.addBox(0.0, 0.0, 0.0, 1.0, 0.6, 0.4)
+    gmsh.model.occ.synchronize()
+    gmsh.model.occ.fillet([block], [tag for _, tag in gmsh.model.getEntities(1)], [0.08])
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)
+    gmsh.model.mesh.generate(2)
+    points = gmsh.model.mesh.getNodes()[1].reshape(-1, 3)
+    triangles = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3) - 1
+    gmsh.finalize()
+    return Surface(points, triangles.astype(np.int32))
+
+
 SHAPES = {
     # name: (shape, axis across a face at its lowest coordinate, size of the face)
     "bar": (BAR, 0, 0.04),
@@ -37,6 +54,9 @@ SHAPES = {
     "cut ball": (cut_ball(), 1, None),
     "flat comb": (COMB, 0, np.ptp(COMB.points[np.isclose(COMB.points[:, 0], COMB.points[:, 0].min()), 1])),
     "stadium": (Outline(STADIUM), 1, None),
+    "extruded stadium": (meshes.extrude(Outline(STADIUM), 0.3), 1, None),
+    "fillets, bottom": (filleted(), 2, None),
+    "fillets, end": (filleted(), 0, None),
 }
 
 
