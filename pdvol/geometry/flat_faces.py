@@ -38,6 +38,7 @@ class FlatFaces:
     points : (n, d) [m]
     boundary : (m, d) int64, all facets
     facets : list of (k, d) int64, one array a face
+    of_facets : (m,) the face of each facet, -1 where it is none
     normals : (f, d), offsets : (f,) [m]
         A face lies where `normals @ x = offsets`.
     """
@@ -55,26 +56,21 @@ class FlatFaces:
         for one, other in (ends.T, ends.T[::-1]):
             np.maximum.at(largest, one, areas[other])
         flat = np.flatnonzero((areas >= LARGER * largest) & ((largest == 0) | (areas >= LEAST_SHARE * areas.sum())))
-        self.of_facets = np.full(len(facets), -1)
-        for face, number in enumerate(flat):
-            self.of_facets[piece == number] = face
+        number = np.full(len(areas), -1)
+        number[flat] = np.arange(len(flat))
+        self.of_facets = number[piece]
         self.facets = [facets[self.of_facets == face] for face in range(len(flat))]
-        self.normals = np.array([sizes[piece == face] @ normals[piece == face] for face in flat]).reshape(
-            -1, self.points.shape[1]
-        )
+        weighted = sizes[:, None] * normals
+        self.normals = np.array([weighted[piece == face].sum(axis=0) for face in flat]).reshape(-1, points.shape[1])
         self.normals /= np.linalg.norm(self.normals, axis=1, keepdims=True)
-        self.offsets = np.array(
-            [np.mean(self.points[np.unique(own)] @ n) for own, n in zip(self.facets, self.normals, strict=True)]
-        )
+        within = [self.points[np.unique(own)] for own in self.facets]
+        self.offsets = np.array([np.mean(own @ n) for own, n in zip(within, self.normals, strict=True)])
 
     def patches(self) -> np.ndarray:
         """(m,) number of the patch of each facet: a flat face, or a connected part of the rest."""
         beside = neighbours(self.boundary)
-        _, numbers = np.unique(
-            connected_parts(beside[self.of_facets[beside[:, 0]] == self.of_facets[beside[:, 1]]], len(self.boundary)),
-            return_inverse=True,
-        )
-        return numbers
+        one = beside[self.of_facets[beside[:, 0]] == self.of_facets[beside[:, 1]]]
+        return connected_parts(one, len(self.boundary))
 
     def relative(self, centre: np.ndarray, size: float) -> "FlatFaces":
         """The same faces in coordinates about `centre` (d,) [m] and in units of `size` [m]."""

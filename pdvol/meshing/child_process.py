@@ -118,6 +118,12 @@ class Child:
         return ProcessFailed(f"{who} {how}")
 
 
+def in_child(who: str, function: Callable, *given: Any, cpu_seconds: float) -> Any:
+    """`Child.call` in a process that ends with it."""
+    with Child() as child:
+        return child.call(who, function, *given, cpu_seconds=cpu_seconds)
+
+
 def serve(file: int) -> None:
     """In the child: answer the calls that come from a connection, by its file descriptor, until it closes or idles."""
     die_with_parent()

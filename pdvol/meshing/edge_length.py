@@ -13,18 +13,14 @@ from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, check_budget
 from pdvol.stages import say
 
-AIMED_DEVIATION = 0.1
-"""Relative deviation of the number of vertices from the target at which the search ends at once."""
-ACCEPTED_DEVIATION = 0.2
-"""Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts."""
+ACCEPTED_DEVIATION = 0.1
+"""Relative deviation of the number of vertices from the target at which the search ends."""
 CLOSEST_FACTOR = 2.0
 """Largest ratio of a count and its target at which the closest mesh is taken in the end: targets are wishes, and levels
 of a hierarchy are mostly further apart than that.
 """
 MAX_ATTEMPTS = 6
-"""Number of meshes after which the search gives up."""
-ATTEMPTS_BEFORE_ACCEPTING = 5
-"""Number of meshes after which the search ends with one within `ACCEPTED_DEVIATION`."""
+"""Number of meshes after which the search ends with the closest."""
 FINER = 0.94
 """Factor on the edge length after a mesh that is not valid: about 15 % more vertices, which still suits the target."""
 
@@ -133,10 +129,9 @@ def mesh_of_target_size(
         history.append((np.log(scale), off))
         if best is None or abs(off) < best[0]:
             best = (abs(off), made)
-        fraction = abs(len(best[1].points) / target - 1.0)
-        if fraction <= AIMED_DEVIATION or (fraction <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
-            say(f"{len(best[1].points):,} vertices, {'1 try' if tried == 1 else f'{tried} tries'}")
-            return best[1]
+        if abs(len(made.points) / target - 1.0) <= ACCEPTED_DEVIATION:
+            say(f"{len(made.points):,} vertices, {'1 try' if tried == 1 else f'{tried} tries'}")
+            return made
         scale = float(np.exp(_next_log_scale(history, dim)))
     if best is None:
         raise UnreachableCount(

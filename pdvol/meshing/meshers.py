@@ -1,4 +1,4 @@
-"""The libraries that make meshes, each in a process of its own (`child_process.py`).
+"""The libraries that make meshes, to be called in a process of their own (`child_process.py`).
 
 Little is imported here, as each of these processes imports it.
 """
@@ -68,75 +68,6 @@ def ftetwild(
             return child.call("fTetWild", _ftetwild, *given, cpu_seconds=cpu_seconds)
 
 
-def gmsh_triangles(
-    points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float, cpu_seconds: float
-) -> Mesh:
-    """Points (n, 2) and Delaunay-frontal triangles (m, 3) of Gmsh, the given boundary segments kept.
-
-    Parameters
-    ----------
-    points : (k, 2) all loops one after the other [m]
-    starts : (l + 1,) where each begins
-    parents : (l,) -1 for an outer loop, else the outer loop that a hole belongs to
-    edge_length : [m]
-    cpu_seconds : processor time [s] that the process may use
-
-    Raises
-    ------
-    MeshError, ProcessStopped
-        As `Child.call`.
-    """
-    with Child() as child:
-        return child.call("Gmsh", _gmsh, points, starts, parents, float(edge_length), cpu_seconds=cpu_seconds)
-
-
-def gmsh_tetrahedra(
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    patches: np.ndarray,
-    edge_length: float,
-    sharp_angle: float,
-    cpu_seconds: float,
-) -> Mesh:
-    """Points (n, 3) and tetrahedra (m, 4), of either orientation, inside a closed surface that Gmsh has meshed anew
-    with triangles of one edge length. Sharp edges and those between patches stay; new vertices lie on its triangles.
-
-    Parameters
-    ----------
-    vertices, triangles : (k, 3) [m], (t, 3)
-    patches : (t,) number of the patch that each triangle belongs to
-    edge_length : [m]
-    sharp_angle : [rad] between the normals of two triangles, above which their edge stays
-    cpu_seconds : processor time [s] that the process may use
-
-    Raises
-    ------
-    MeshError, ProcessStopped
-        As `Child.call`: a part of the surface cannot be parametrised, or the new one crosses itself.
-    """
-    with Child() as child:
-        given = np.asarray(vertices, dtype=np.float64), triangles.astype(np.int64), patches, float(edge_length)
-        return child.call("Gmsh", _gmsh_solid, *given, sharp_angle, cpu_seconds=cpu_seconds)
-
-
-def united(vertices: np.ndarray, triangles: np.ndarray, cpu_seconds: float) -> Mesh:
-    """Points (n, 3) and triangles (m, 3) around all that closed shells enclose, by libigl's exact mesh booleans (Zhou
-    et al. 2016). What does not cross keeps its vertices and triangles.
-
-    Parameters
-    ----------
-    vertices, triangles : (k, 3) [m], (t, 3), facing outward, and inward around cavities
-    cpu_seconds : processor time [s] that the process may use
-
-    Raises
-    ------
-    MeshError, ProcessStopped
-        As `Child.call`.
-    """
-    with Child() as child:
-        return child.call("libigl's union", _united, vertices, triangles, cpu_seconds=cpu_seconds)
-
-
 def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, epsilon: float, folder: str) -> Mesh:
     os.chdir(folder)  # it leaves a file where it works
     # pytetwild adds itself to pyvista where that can be extended. Importing pyvista takes longer than a coarse mesh.
@@ -158,13 +89,27 @@ def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, e
     )
 
 
-def _united(vertices: np.ndarray, triangles: np.ndarray) -> Mesh:
+def united(vertices: np.ndarray, triangles: np.ndarray) -> Mesh:
+    """Points (n, 3) [m] and triangles (m, 3) around all that closed shells enclose, by libigl's exact mesh booleans
+    (Zhou et al. 2016). What does not cross keeps its vertices and triangles.
+
+    Shells of vertices (k, 3) [m] and triangles (t, 3) face outward, and inward around cavities.
+    """
     from igl.copyleft import cgal  # under the GPL, as Gmsh is
 
     return cgal.mesh_boolean(vertices, triangles.astype(np.int64), type_str="union")[:2]
 
 
-def _gmsh(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float) -> Mesh:
+def gmsh_triangles(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float) -> Mesh:
+    """Points (n, 2) [m] and Delaunay-frontal triangles (m, 3) of Gmsh with an edge length [m], the given boundary
+    segments kept.
+
+    Parameters
+    ----------
+    points : (k, 2) all loops one after the other [m]
+    starts : (l + 1,) where each begins
+    parents : (l,) -1 for an outer loop, else the outer loop that a hole belongs to
+    """
     import gmsh
 
     _start_gmsh(edge_length)
@@ -184,9 +129,18 @@ def _gmsh(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_leng
     return coordinates[:, :2], triangles
 
 
-def _gmsh_solid(
+def gmsh_tetrahedra(
     vertices: np.ndarray, triangles: np.ndarray, patches: np.ndarray, edge_length: float, sharp_angle: float
 ) -> Mesh:
+    """Points (n, 3) [m] and tetrahedra (m, 4), of either orientation, inside a closed surface that Gmsh has meshed anew
+    with triangles of one edge length [m]. It raises where a part cannot be parametrised, or the new one crosses itself.
+
+    Parameters
+    ----------
+    vertices, triangles : (k, 3) [m], (t, 3). New vertices lie on these triangles.
+    patches : (t,) number of the patch that each triangle belongs to. Edges between patches stay.
+    sharp_angle : [rad] between the normals of two triangles, above which their edge stays
+    """
     import gmsh
 
     _start_gmsh(edge_length)

@@ -11,10 +11,11 @@ from pdvol.geometry.distances import distances_to
 from pdvol.geometry.flat_faces import SHARP_ANGLE, FlatFaces, neighbours, unit_normals
 from pdvol.geometry.level_mesh import boundary_facets, facet_sizes
 from pdvol.meshes import Surface
+from pdvol.meshing.child_process import in_child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.edge_length import BASE_CPU_SECONDS, SizedMesh, edge_length, mesh_of_target_size
-from pdvol.meshing.meshers import gmsh_tetrahedra
+from pdvol.meshing.meshers import Mesh, gmsh_tetrahedra
 from pdvol.meshing.tetrahedralise import in_parts, oriented, volume_and_area, with_volume_checked
 
 SMOOTH = 1.2
@@ -63,7 +64,7 @@ def _remeshed(surface: Surface, target: int, name: str) -> SizedMesh:
     unit = (surface.vertices - centre) / size
     h = edge_length(target, volume, area, 3) / size
     flat = FlatFaces(unit, surface.triangles)
-    patches = flat.patches()
+    given = unit, surface.triangles.astype(np.int64), flat.patches()
     wanted = topology(surface.triangles, len(unit))
     flat_area = facet_sizes(unit, surface.triangles[flat.of_facets >= 0]).sum()
     if flat_area < MOSTLY_FLAT * area / size**2 and (bends := curvature(unit, surface.triangles) * h) > SMOOTH:
@@ -71,7 +72,7 @@ def _remeshed(surface: Surface, target: int, name: str) -> SizedMesh:
 
     def make(scale: float, failures: int) -> SizedMesh:
         try:
-            made = gmsh_tetrahedra(unit, surface.triangles, patches, scale * h, SHARP_ANGLE, BASE_CPU_SECONDS)
+            made: Mesh = in_child("Gmsh", gmsh_tetrahedra, *given, scale * h, SHARP_ANGLE, cpu_seconds=BASE_CPU_SECONDS)
             points, cells = oriented(*made, name)
             missed = float(distances_to(unit, points, boundary_facets(cells)[0]).max())
             if missed > MISSED * scale * h:
@@ -80,9 +81,9 @@ def _remeshed(surface: Surface, target: int, name: str) -> SizedMesh:
         except BudgetSpent:
             raise
         except (MeshError, ProcessStopped) as error:
-            if failures < SPARE_TRIES and not isinstance(error, ProcessStopped):
-                raise  # a somewhat shorter edge gives other cells
-            raise Unsuited(str(error)) from error
+            if isinstance(error, ProcessStopped) or failures == SPARE_TRIES:
+                raise Unsuited(str(error)) from error
+            raise  # a somewhat shorter edge gives other cells
 
     made = mesh_of_target_size(make, target, name, 0.79 + 5.0 / np.sqrt(target), 3)
     if abs(len(made.points) / target - 1.0) > FAR_FROM_ASKED:

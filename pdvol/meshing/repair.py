@@ -16,6 +16,7 @@ from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.distances import box_of, deviation
 from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.child_process import in_child
 from pdvol.meshing.holes import filled_holes
 from pdvol.meshing.meshers import united
 from pdvol.meshing.validate import (
@@ -280,7 +281,8 @@ def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: 
     for grown in (0.0, 0.5 * envelope) if envelope > 0.0 else ():
         steps: list[str] = []
         try:
-            made, facets = united(_grown(points, triangles, grown * size), triangles, MESHER_SECONDS)
+            given = _grown(points, triangles, grown * size), triangles
+            made, facets = in_child("libigl's union", united, *given, cpu_seconds=MESHER_SECONDS)
             _check_left(facets, name)
             near = max(COINCIDENT, SLIVER * grown) * size
             made, facets, _ = _joined(*drop_unused(made, facets), near, None, steps)

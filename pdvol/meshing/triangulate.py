@@ -7,6 +7,7 @@ from pdvol.errors import IntersectionError, MeshError
 from pdvol.geometry.crossings import find_crossings
 from pdvol.geometry.flat_faces import FlatFaces
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.meshing.child_process import in_child
 from pdvol.meshing.edge_length import (
     BASE_CPU_SECONDS,
     CPU_SECONDS_PER_VERTEX,
@@ -52,7 +53,8 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
     def make(scale: float, failures: int) -> SizedMesh:
         sampled = _resampled(loops, scale * h * 0.8**failures, name)
         starts = np.cumsum([0, *(len(loop) for loop in sampled)])
-        made = gmsh_triangles(np.concatenate(sampled), starts, parents, scale * h, cpu_seconds)
+        given = np.concatenate(sampled), starts, parents, scale * h
+        made = in_child("Gmsh", gmsh_triangles, *given, cpu_seconds=cpu_seconds)
         points, cells = drop_unused(*made)
         negative = simplex_volumes(points, cells) < 0
         cells[negative] = cells[negative][:, [1, 0, 2]]
