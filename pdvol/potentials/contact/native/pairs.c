@@ -196,9 +196,10 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
             }
         }
         for (int i = 0; i < 5; ++i) {
-            for (int k = 0; k <= i; ++k)
-                add_product(3, k < i ? 2.0 * weight * F[i][1] / F[i][0] * F[k][1] / F[k][0] : weight * F[i][2] / F[i][0], rates[i], rates[k], H);
-            for (int q = 0; q < 12; ++q)
+            for (int k = 0; k <= i && F[i][1] != 0.0; ++k)
+                if (F[k][1] != 0.0)
+                    add_product(3, k < i ? 2.0 * weight * F[i][1] / F[i][0] * F[k][1] / F[k][0] : weight * F[i][2] / F[i][0], rates[i], rates[k], H);
+            for (int q = 0; q < 12 && F[i][1] != 0.0; ++q)
                 gradient[q] += weight * F[i][1] / F[i][0] * rates[i][q];
         }
     }
