@@ -194,7 +194,8 @@ class Stepper:
         dt, (start, velocity) = self.model.dt, map(self.space.from_input, vars(past[0]).values())
         push = -dt * sum(term.gradient(x) for term in (*self.potential.contacts, *self.potential.frictions))
         gained = self.potential.mass * ((x.owned - start) / dt - velocity)
-        push, gained = self.potential.of_bodies(np.stack([push, gained]))
+        bodies = self.potential.rows_of_bodies()
+        push, gained = (self.space.reduce(bodies @ each) for each in (push, gained))
         return bool(np.any(np.sum(push * gained, axis=1) > 0.5 * np.sum(push**2, axis=1)))
 
     def _measure(self, report: StepReport, x: Positions) -> None:

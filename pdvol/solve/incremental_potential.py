@@ -1,12 +1,12 @@
 """The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (docs/method.md)."""
 
 from collections.abc import Collection, Mapping
-from functools import cached_property
 from itertools import groupby
 from math import isnan
 
 import numpy as np
 from mpi4py import MPI
+from scipy.sparse import csr_array
 
 from pdvol.errors import SimulationError
 from pdvol.levels.script import Obstacle
@@ -109,34 +109,31 @@ class IncrementalPotential:
             raise SimulationError("the gradient is too large for double precision")
         return total
 
-    def imbalance(self, held: np.ndarray, least: float) -> float:
+    def imbalance(self, bodies: csr_array, least: float) -> float:
         """What is left of the gradient over the largest part that one kind of term has in it: of all vertices of a
-        body, and of the body's sum, whichever is worse, and of all bodies the worst. Vertices that are `held`
-        (n_owned,) do not count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take
-        their place. At the last `gradient`. Collective.
+        body, and of the body's sum, whichever is worse, and of all bodies the worst. `bodies` (bodies, n_owned) is that
+        of `rows_of_bodies` without supported vertices. Where all parts are smaller, those that move a vertex or a body
+        by `least` [m] take their place. At the last `gradient`. Collective.
         """
-        smallest = least / np.sqrt(self.space.dim) * self.mass
         kinds: dict[str, np.ndarray] = {}
         for name, part in zip(("inertia", *(term.name for term in self.terms)), self._gradients, strict=True):
             kinds[name] = kinds[name] + part if name in kinds else part
-        parts = np.stack([sum(self._gradients), *kinds.values(), smallest])
-        parts[:, held] = 0.0
-        squares = np.einsum("knd,knd->kn", parts, parts)
-        sums = self.of_bodies(parts)
-        most = np.stack([squares[:, rows].max(axis=1, initial=0.0) for rows in self._bodies], axis=1)
+        parts = (sum(self._gradients), *kinds.values(), least / np.sqrt(self.space.dim) * self.mass)
+        filled = np.diff(bodies.indptr) > 0
+        most = np.zeros((len(parts), len(filled)))  # squares
+        for row, part in zip(most, parts, strict=True):
+            squares = np.einsum("nd,nd->n", part, part)[bodies.indices]
+            row[filled] = np.maximum.reduceat(squares, bodies.indptr[:-1][filled])
+        sums = self.space.reduce(np.array([bodies @ part for part in parts]))
         sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("kbd,kbd->kb", sums, sums)])
         return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), np.finfo(float).tiny)))
 
-    def of_bodies(self, parts: np.ndarray) -> np.ndarray:
-        """(k, bodies, d) sums over each body of rows (k, n_owned, d). Collective."""
-        return self.space.reduce(np.stack([parts[:, rows].sum(axis=1) for rows in self._bodies], axis=1))
-
-    @cached_property
-    def _bodies(self) -> list[slice | np.ndarray]:
-        """This rank's rows of each body."""
+    def rows_of_bodies(self, chosen: np.ndarray | None = None) -> csr_array:
+        """(bodies, n_owned): one where this rank's row, of the `chosen` (n_owned,), is of a body."""
         of = self.space.mesh.point_bodies
-        count, owned = int(of.max()) + 1, of[self.space.owned_points]
-        return [slice(None)] if count == 1 else [np.flatnonzero(owned == body) for body in range(count)]
+        rows = np.arange(self.space.n_owned) if chosen is None else np.flatnonzero(chosen)
+        entries = np.ones(len(rows)), (of[self.space.owned_points[rows]], rows)
+        return csr_array(entries, shape=(int(of.max()) + 1, self.space.n_owned))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Adds weight times the Hessian, positive definite unless `into.projection` is "none", to blocks that are zero.

@@ -68,6 +68,7 @@ class Newton:
         self.supported, self.settings = system.supported, system.settings
         self.tolerance, self._dt = system.settings.tolerance, np.inf
         self.iterated, self._sum = iterated, self.space.reduce
+        self._free = self.potential.rows_of_bodies(~self.supported)
         self._vector, self._residual = self.space.create_vector(), self.space.create_vector()
         self.snes = self._create_snes()
         self.system.use(self.snes.ksp)
@@ -240,7 +241,7 @@ class Newton:
     def _goes_on(self, last: Iteration, why: str) -> bool:
         """Whether a solve that `stops` would end goes on, because forces do not balance yet. Collective."""
         solve = self._solve
-        solve.report.imbalance = self.potential.imbalance(self.supported, solve.tolerance * self._dt)
+        solve.report.imbalance = self.potential.imbalance(self._free, solve.tolerance * self._dt)
         if why == "ROUNDING" or solve.balancing == STALL or solve.report.imbalance <= BALANCED:
             return False
         solve.balancing += last.speed <= speed_of(solve.before)  # on the way out of a barrier, steps grow
