@@ -13,8 +13,8 @@ from benchmarks.divergence.__main__ import distances
 from benchmarks.methods.studies import LITERAL, Study
 from pdvol import open_run
 from pdvol.studio.draw.camera import cameras_of_run
+from pdvol.studio.draw.compose import renderer_by
 from pdvol.studio.draw.layout import BACKGROUND
-from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE
 from pdvol.studio.wedge.variation import length
 
@@ -48,7 +48,7 @@ def _shots(study: Study, runs: Sequence[Path]) -> list[list[np.ndarray]]:
     camera = cameras_of_run(stored[0], levels, steps)[0]
     rows = []
     for run, level in [(stored[0], stored[0].levels[0]), *((run, run.levels[-1]) for run in stored)]:
-        with Renderer(camera, (WIDTH, round(WIDTH / camera.aspect))) as renderer:
+        with renderer_by(camera, (WIDTH, round(WIDTH / camera.aspect))) as renderer:
             rows.append([np.asarray(renderer.picture(run, level, step)) for step in steps])
     return rows
 
@@ -91,7 +91,7 @@ def sweep(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path
     axes = figure.subplots(rows * len(steps), levels, squeeze=False)
     for row, (run, record) in enumerate(zip(stored, records, strict=True)):
         apart = distances(run)
-        with Renderer(camera, (SMALL_WIDTH, round(SMALL_WIDTH / camera.aspect))) as renderer:
+        with renderer_by(camera, (SMALL_WIDTH, round(SMALL_WIDTH / camera.aspect))) as renderer:
             for level in run.levels:
                 for moment, step in enumerate(steps):
                     one = axes[moment * rows + row, level.index]

@@ -22,10 +22,9 @@ from demos.gallery.film import FRAMES_PER_SECOND, fit_film, fit_picture
 from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.store.reader import Run
 from pdvol.studio.draw.camera import cameras_of_run
-from pdvol.studio.draw.compose import Grid, Pane, Pen, frames
+from pdvol.studio.draw.compose import Grid, Pane, Pen, frames, renderer_by
 from pdvol.studio.draw.film import film_steps, write_film
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
-from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE
 
 DOCS, PICTURES = REPOSITORY / "docs" / "how_right.md", REPOSITORY / "docs" / "pictures"
@@ -174,7 +173,7 @@ def film_of_apes(apes: Mapping[str, Run], true: Run) -> Iterator[Image.Image]:
     kinds = [*apes.items(), ("truth", true)]
     panes = [ape_pane(kind, run, index, run is true) for index in APE_SHOWN for kind, run in kinds]
     moments = [[(step * (every if pane.run is true else 1), None) for pane in panes] for step in range(STEPS + 1)]
-    return frames(Renderer(camera, CELL), Grid(len(panes), len(kinds), CELL, above=HEADER), panes, moments)
+    return frames(renderer_by(camera, CELL), Grid(len(panes), len(kinds), CELL, above=HEADER), panes, moments)
 
 
 def ape_pane(kind: str, run: Run, index: int, true: bool) -> Pane:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -10,10 +11,13 @@ from PIL import Image, ImageDraw
 from pdvol.errors import InputError
 from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.camera import Camera, cameras_of_run
-from pdvol.studio.draw.cut import read_cut
+from pdvol.studio.draw.cut import Cut, read_cut
+from pdvol.studio.draw.flat import FlatRenderer
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, INK, font
-from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import Shot, read_view
+
+if TYPE_CHECKING:
+    from pdvol.studio.draw.renderer import Renderer
 
 MOMENT = 420  # pixels, the width of a picture where none is given
 SMALLEST_PICTURE = 32  # pixels
@@ -121,8 +125,22 @@ class Grid:
         return replace(best, margin=margin)
 
 
+def renderer_by(
+    camera: Camera, size: tuple[int, int], oversampling: int = 2, render_meshes: bool = False, cut: Cut | None = None
+) -> "FlatRenderer | Renderer":
+    """The renderer of 2D or of 3D scenes, as the camera's; parameters as for `Renderer`."""
+    if camera.dim == 2:
+        return FlatRenderer(camera, size, oversampling)
+    from pdvol.studio.draw.renderer import Renderer
+
+    return Renderer(camera, size, oversampling, render_meshes, cut)
+
+
 def frames(
-    renderer: Renderer | None, grid: Grid, panes: Sequence[Pane], moments: Iterable[Sequence[tuple[int, Camera | None]]]
+    renderer: "FlatRenderer | Renderer | None",
+    grid: Grid,
+    panes: Sequence[Pane],
+    moments: Iterable[Sequence[tuple[int, Camera | None]]],
 ) -> Iterator[Image.Image]:
     """The frame of each moment: one image, which the next moment changes where a pane's step or camera is another one.
 
@@ -179,6 +197,6 @@ def composed(
         width = shot.width or MOMENT
         grid = replace(grid, picture=(width, max(2, round(width / cameras[0].aspect))))
     sharp = 2 if max(grid.picture) <= _SHARPEST else 1
-    renderer = Renderer(cameras[0], grid.picture, sharp, shot.render_meshes, cut)
+    renderer = renderer_by(cameras[0], grid.picture, sharp, shot.render_meshes, cut)
     places = order if order is not None else [[k] * len(panes) for k in range(len(steps))]
     return frames(renderer, grid, panes, ([(steps[k], cameras[k]) for k in each] for each in places))

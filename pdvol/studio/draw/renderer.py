@@ -1,25 +1,19 @@
-"""Renders levels at steps, with one camera and one set of lights for a whole picture or film. Needs no display."""
+"""Renders levels of 3D scenes, with one camera and one set of lights for a whole picture or film. Needs no display."""
 
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
-import lazy_loader
 import numpy as np
+import pyvista as pv
 from PIL import Image
 
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
-from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.cut import Cut, skin, triangles
 from pdvol.studio.draw.layout import BACKGROUND
-from pdvol.studio.shown import CREASE_ANGLE, GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops, plane_piece
-
-if TYPE_CHECKING:
-    import pyvista as pv
-else:
-    pv = lazy_loader.load("pyvista")  # takes two seconds, and `from pdvol import *` draws nothing
+from pdvol.studio.shown import CREASE_ANGLE, GROUND, OBSTACLE, PALETTE, SMOOTH_FROM
 
 _MATERIAL = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}  # of bodies and obstacles in 3D
 _PAINT = {"ambient": 0.62, "diffuse": 0.58, "specular": 0.06}  # of cells with colours: light that spares them
@@ -66,13 +60,13 @@ class Window:
 
 
 class Renderer(Window):
-    """Renders levels of runs.
+    """Renders levels of 3D runs.
 
     Parameters
     ----------
     camera, size, oversampling : as for `Window`
     render_meshes : whether bodies that carry render meshes are drawn as these
-    cut : takes away a part of 3D scenes
+    cut : takes away a part of the scene
     """
 
     def __init__(
@@ -91,17 +85,16 @@ class Renderer(Window):
         super().__enter__()
         camera = self.camera
         camera.set_up(self.plotter.camera)
-        if camera.dim == 3:
-            # The directions the three lights come from: a warm main light, a cool one from the right, one from behind.
-            self._light = 0.75 * camera.up - 0.42 * camera.right + 0.5 * camera.towards
-            for direction, colour, power in (
-                (self._light, "#fff6ea", 0.74),
-                (0.9 * camera.right + 0.1 * camera.up + 0.5 * camera.towards, "#dfeaff", 0.34),
-                (camera.up - 0.6 * camera.towards, "#ffffff", 0.3),
-            ):
-                place = {"position": camera.focus + direction, "focal_point": camera.focus}
-                self.plotter.add_light(pv.Light(**place, color=colour, intensity=power))
-            self.plotter.enable_ssao(radius=0.06 * camera.size, bias=0.002 * camera.size, kernel_size=48, blur=True)
+        # The directions the three lights come from: a warm main light, a cool one from the right, one from behind.
+        self._light = 0.75 * camera.up - 0.42 * camera.right + 0.5 * camera.towards
+        for direction, colour, power in (
+            (self._light, "#fff6ea", 0.74),
+            (0.9 * camera.right + 0.1 * camera.up + 0.5 * camera.towards, "#dfeaff", 0.34),
+            (camera.up - 0.6 * camera.towards, "#ffffff", 0.3),
+        ):
+            place = {"position": camera.focus + direction, "focal_point": camera.focus}
+            self.plotter.add_light(pv.Light(**place, color=colour, intensity=power))
+        self.plotter.enable_ssao(radius=0.06 * camera.size, bias=0.002 * camera.size, kernel_size=48, blur=True)
         return self
 
     def picture(
@@ -112,22 +105,14 @@ class Renderer(Window):
         Parameters
         ----------
         camera : instead of the renderer's, in the same direction and of the same aspect
-        colours : (m, 3) in [0, 1], of the level's cells in 3D; those of bodies when None
+        colours : (m, 3) in [0, 1], of the level's cells; those of bodies when None
         """
         self._view = camera or self.camera
         self.plotter.clear_actors()
-        positions = in_3d(level.positions(step))
-        if self._view.dim == 2:
-            self._draw_flat(run, level, positions, step)
-        else:
-            self._draw_solid(run, level, positions, step, colours)
+        self._draw(run, level, level.positions(step), step, colours)
         return self.image(self._view)
 
-    # ---- 3D
-
-    def _draw_solid(
-        self, run: Run, level: RunLevel, positions: np.ndarray, step: int, colours: np.ndarray | None
-    ) -> None:
+    def _draw(self, run: Run, level: RunLevel, positions: np.ndarray, step: int, colours: np.ndarray | None) -> None:
         carried = run.render_meshes if self._render_meshes else ()
         owners, drawn = level.mesh.point_bodies[level.surface[:, 0]], [mesh.body for mesh in carried]
         shapes = [positions[level.surface[np.isin(owners, drawn)]]]  # corners (k, 3, 3) [m] of triangles, for shadows
@@ -171,7 +156,7 @@ class Renderer(Window):
         self,
         points: np.ndarray,
         facets: np.ndarray,
-        colour: "pv.Color",
+        colour: pv.Color,
         smooth: bool,
         edges: float,
         opacity: float = 1.0,
@@ -228,43 +213,8 @@ class Renderer(Window):
         image.interpolate = True
         self.add(quad, texture=image, lighting=False)
 
-    # ---- 2D
 
-    def _draw_flat(self, run: Run, level: RunLevel, positions: np.ndarray, step: int) -> None:
-        coarseness = float(np.clip(14.0 / np.sqrt(len(level.cells)), 0.2, 1.0))
-        for body in np.unique(level.bodies):
-            colour = pv.Color(PALETTE[body % len(PALETTE)])
-            mine = level.cells[level.bodies == body]
-            ink, width = _darker(colour, 0.8 - 0.2 * coarseness), self.oversampling * (0.5 + 0.7 * coarseness)
-            self._fill(positions, mine, colour, 0.0, show_edges=True, edge_color=ink, line_width=width)
-            outline = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
-            self._lines(positions, outline, _darker(colour, 0.5), 2.0)
-        for obstacle in level.placed(run.obstacles, step):
-            if obstacle.kind == "plane":
-                self._add_half_space(*(in_3d(v[None])[0] for v in obstacle.plane(step)))
-            elif obstacle.kind == "polyline":
-                vertices, edges = in_3d(obstacle.vertices(step)), obstacle.arrays["edges"]
-                for loop in closed_loops(edges):
-                    polygon = pv.PolyData(vertices[loop], faces=[len(loop), *range(len(loop))]).triangulate()
-                    self._fill(*triangles(polygon), pv.Color(OBSTACLE), -0.1)
-                self._lines(vertices, edges, _darker(pv.Color(OBSTACLE), 0.55), 2.5)
-
-    def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: "pv.Color", depth: float, **edges: Any) -> None:
-        surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self._view.size], triangles)
-        self.add(surface, color=colour, lighting=False, **edges)
-
-    def _lines(self, points: np.ndarray, segments: np.ndarray, colour: "pv.Color", width: float) -> None:
-        raised = points + [0, 0, 0.05 * self._view.size]
-        lines = pv.PolyData(raised, lines=np.insert(segments, 0, 2, axis=1).ravel())
-        self.add(lines, color=colour, line_width=self.oversampling * width, lighting=False)
-
-    def _add_half_space(self, point: np.ndarray, normal: np.ndarray) -> None:
-        corners = plane_piece(point[:2], normal[:2], self._view.focus, normal[:2], 4 * self._view.size)
-        self._fill(corners, np.array([[0, 1, 2], [0, 2, 3]]), pv.Color(GROUND), -0.2)
-        self._lines(corners[[0, 3]], np.array([[0, 1]]), _darker(pv.Color(GROUND), 0.7), 2.0)
-
-
-def _darker(colour: "pv.Color", factor: float) -> "pv.Color":
+def _darker(colour: pv.Color, factor: float) -> pv.Color:
     return pv.Color([factor * c for c in colour.float_rgb])
 
 
@@ -279,7 +229,7 @@ def _ground(lit: np.ndarray) -> np.ndarray:
     return np.round(255 * colour * tint).astype(np.uint8)
 
 
-def _texture_of(mesh: StoredRender) -> "pv.Texture | None":
+def _texture_of(mesh: StoredRender) -> pv.Texture | None:
     """The picture of a render mesh; None where it has none."""
     if mesh.texture is None:
         return None

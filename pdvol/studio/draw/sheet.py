@@ -12,11 +12,10 @@ from pdvol.errors import InputError
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera, content_of_run, fitted_camera
-from pdvol.studio.draw.compose import Grid, Pane, Pen, frames
+from pdvol.studio.draw.compose import Grid, Pane, Pen, frames, renderer_by
 from pdvol.studio.draw.film import MOST_FRAMES_PER_SECOND, write_film
 from pdvol.studio.draw.framing import outermost
 from pdvol.studio.draw.layout import INK, cluster_name, font, write_png
-from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE, upward
 
 WIDEST_SHEET = 4000  # pixels
@@ -84,7 +83,7 @@ def sheet_image(tiles: Sequence[Tile], out: str | Path, columns: int | None = No
     camera = shared_camera(tiles)
     grid = sheet_grid(tiles, camera.aspect if camera else SHAPE, columns)
     ends = [(level.steps - 1 if (level := tile.level) else 0, camera) for tile in tiles]
-    (sheet,) = frames(Renderer(camera, grid.picture) if camera else None, grid, _panes(tiles, grid), [ends])
+    (sheet,) = frames(renderer_by(camera, grid.picture) if camera else None, grid, _panes(tiles, grid), [ends])
     for number, tile in enumerate(tiles):
         if apart is not None and tile.level is not None:
             x, y = grid.corner(number)
@@ -115,7 +114,7 @@ def sheet_film(tiles: Sequence[Tile], out: str | Path) -> Path:
         grid = sheet_grid(tiles, aspect, None, WIDEST_DENSE_FILM)
     times, rate = film_times(tiles)
     moments = ([(round(time / tile.run.dt) if tile.run else 0, camera) for tile in tiles] for time in times)
-    renderer = Renderer(camera, grid.picture, oversampling=1) if camera else None
+    renderer = renderer_by(camera, grid.picture, oversampling=1) if camera else None
     out.parent.mkdir(parents=True, exist_ok=True)
     return write_film(out, frames(renderer, grid, _panes(tiles, grid), moments), rate)
 
