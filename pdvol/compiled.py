@@ -11,15 +11,19 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from threading import Lock, Thread
 from typing import Any
 
 import _cffi_backend
 import cffi
 import numpy as np
 
-from pdvol.errors import InputError
+from pdvol.errors import InputError, PdvolError
+from pdvol.processes import cores
 from pdvol.stages import stage
 
 # options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
@@ -71,10 +75,22 @@ class Library:
     def __init__(self, folder: Path, definitions: Mapping[str, int] | None = None):
         lines = (folder / "interface.h").read_text().splitlines(keepends=True)
         ffi.cdef("".join(line for line in lines if not line.startswith("#")))
-        self._load = cache(lambda: load(folder, definitions))
+        self._load, self._lock = cache(lambda: load(folder, definitions)), Lock()
+
+    def build_beside(self) -> None:
+        """Builds it in a thread, unless it exists. Where that fails, its first use does."""
+        Thread(target=self._build, name="pdvol-compiler").start()
+
+    def _build(self) -> None:
+        with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
+            self._loaded()
+
+    def _loaded(self) -> Any:
+        with self._lock:
+            return self._load()
 
     def __getattr__(self, name: str) -> Any:
-        function = getattr(self._load(), name)
+        function = getattr(self._loaded(), name)
         setattr(self, name, function)  # from then on it is found without this call
         return function
 
@@ -106,14 +122,24 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
 
 
 def build(sources: Sequence[Path], target: Path, words: Sequence[str] = ()) -> None:
-    """Makes the shared library `target` of C files, with further words for the compiler.
+    """Makes the shared library `target` of C files, with further words for the compiler; files are compiled side by
+    side.
 
     Raises
     ------
     InputError
         The C compiler is missing, or fails.
     """
-    command = [*compiler(), *FLAGS, *words, "-shared", "-fPIC", *map(str, sources), "-o", str(target), "-lm"]
+    command = [*compiler(), *FLAGS, *words, "-fPIC"]
+    parts = list(sources)
+    if len(parts) > 1:
+        parts = [target.with_suffix(f".{number}.o") for number in range(len(sources))]
+        with ThreadPoolExecutor(cores()) as pool:
+            list(pool.map(lambda source, part: _call([*command, "-c", str(source), "-o", str(part)]), sources, parts))
+    _call([*command, "-shared", *map(str, parts), "-o", str(target), "-lm"])
+
+
+def _call(command: Sequence[str]) -> None:
     try:
         subprocess.run(command, check=True, capture_output=True, text=True)
     except (OSError, subprocess.CalledProcessError) as error:
