@@ -102,8 +102,8 @@ class Series:
 
 def in_3d(vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, d) with a zero third component in 2D, shape (n, 3)."""
-    lacking = 3 - np.shape(vectors)[1]
-    return np.pad(np.asarray(vectors), ((0, 0), (0, lacking))) if lacking else np.asarray(vectors)
+    vectors = np.asarray(vectors)
+    return np.hstack([vectors, np.zeros((len(vectors), 1))]) if vectors.shape[1] == 2 else vectors
 
 
 def described_densities(run: Run) -> tuple[list[np.ndarray], str]:

@@ -71,9 +71,10 @@ def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
     """Fill the HDF5 file step by step (only one is ever in memory) and return the XML that describes it."""
 
     def item(parent: ET.Element, key: str, array: np.ndarray) -> None:
-        """Refers to an array, and writes it where the file lacks it."""
-        if key not in file:
+        """Refers to an array, and writes it the first time."""
+        if key not in written:  # to ask the file takes as long as to write a small array
             file[key] = array
+            written.add(key)
         shape, kind, precision = " ".join(map(str, array.shape)), array.dtype.kind, str(array.dtype.itemsize)
         ET.SubElement(
             parent, "DataItem", Dimensions=shape, NumberType=_NUMBER_TYPES[kind], Precision=precision, Format="HDF"
@@ -83,6 +84,7 @@ def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
         rank, label = "Vector" if array.ndim == 2 else "Scalar", key.rpartition("/")[2]
         item(ET.SubElement(grid, "Attribute", Name=label, AttributeType=rank, Center=centre), key, array)
 
+    written: set[str] = set()
     rest, cells = series.level.rest, series.level.cells
     root = ET.Element("Xdmf", Version="3.0")
     domain = ET.SubElement(root, "Domain")
