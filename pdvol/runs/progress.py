@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from pdvol.parallel import on_root
 from pdvol.runs.notebook_text import progress_stream
-from pdvol.runs.stage_lines import SO_FAR
+from pdvol.runs.stage_lines import SO_FAR, duration, real_time
 
 LABELS = (
     ("newton", "newton_iterations", "d"),
@@ -40,6 +40,7 @@ class Progress:
         self.stream = progress_stream() if stream is None else stream
         self._bar: tqdm | None = None
         self._shown = (0, 0.0)
+        self._shot = self._spent = 0.0  # s of the steps seen: of the shot and of computing
         if self.stream.isatty():
             self._bar = tqdm(
                 total=total, initial=done, desc=f"level {level}", unit="step", file=self.stream, dynamic_ncols=True
@@ -47,6 +48,9 @@ class Progress:
 
     def step(self, record: Mapping) -> None:
         """Shows one finished step; `record` is its object in the log. Numbers it lacks are left out."""
+        if "time" in record:
+            self._shot += record["time"] / record["step"]
+            self._spent += record["seconds"]["total"]
         if self._bar is None:
             self._write(step_line(record, self.level, self.total))
             return
@@ -70,9 +74,12 @@ class Progress:
         self.stream.flush()
 
     def close(self) -> None:
-        """Leave the bar as it stands."""
+        """Leave the bar as it stands, and say how fast the steps were."""
         if self._bar is not None:
             self._bar.close()
+        if self._spent:
+            factor = real_time(self._shot, self._spent)
+            self._write(f"level {self.level}: {self._shot:.3g} s of the shot in {duration(self._spent)}, {factor}")
 
 
 class Calls(Progress):

@@ -9,6 +9,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.registry import INTERPOLANTS
+from pdvol.runs.stage_lines import real_time
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run
@@ -38,7 +39,7 @@ def run_summary(run: Run) -> list[str]:
             f"level {level.index}: {level.info['state']}, {len(level.rest):,} vertices, {max(level.steps - 1, 0)} steps"
         )
         if log:
-            line += _cost(path, log)
+            line += _cost(path, log, run.dt)
         if "reason" in level.info:
             line += f"; {level.info['reason']}"
         lines.append(line)
@@ -98,7 +99,7 @@ def held_back_lines(run: Run) -> list[str]:
     return lines
 
 
-def _cost(path: Path, log: Sequence[dict]) -> str:
+def _cost(path: Path, log: Sequence[dict], dt: float) -> str:
     """The seconds, iterations and contacts of a level's steps."""
     try:
         seconds = np.array([float(r["seconds"]["total"]) for r in log])
@@ -108,7 +109,7 @@ def _cost(path: Path, log: Sequence[dict]) -> str:
         mend = "remove that line, the states do not depend on it"
         raise InputError(f"{path / 'log.jsonl'}: a record lacks what pdvol writes ({error}); {mend}") from error
     return (
-        f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step), Newton {np.mean(newton):.1f} "
+        f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step, {real_time(dt * len(log), seconds.sum())}), Newton {np.mean(newton):.1f} "
         f"(most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}"
         + (f", intersections {sum(crossing)} in {sum(c > 0 for c in crossing)} states" if crossing else "")
     )

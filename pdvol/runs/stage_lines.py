@@ -110,3 +110,8 @@ def duration(seconds: float, digits: int = 1) -> str:
     if seconds < 60.0:
         return f"{seconds:.{digits}f} s"
     return f"{int(seconds) // 60} min {int(seconds) % 60} s"
+
+
+def real_time(shot: float, spent: float) -> str:
+    """How fast steps are, from their seconds of the shot and of computing: `real-time factor 2.2`."""
+    return f"real-time factor {shot / max(spent, 1e-9):.2g}"

@@ -7,7 +7,8 @@ from typing import Any
 
 from pdvol.errors import PdvolError
 from pdvol.runs.scene_file import parse_value
-from pdvol.store.reader import Run
+from pdvol.runs.stage_lines import real_time
+from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.live.controls import Control
 from pdvol.studio.live.frames import Frames, view, whole_view
@@ -246,5 +247,10 @@ def _level_lines(run: LiveRun) -> list[str]:
     total = stored.info["steps"]
     return [
         f"level {level.index}: {max(0, level.steps - 1)} of {total} steps, {level.info['vertices']:,} vertices"
+        + (f", {_factor(stored, level)}" if level.steps > total else "")
         for level in stored.levels
     ]
+
+
+def _factor(stored: Run, level: RunLevel) -> str:
+    return real_time(stored.dt * len(level.log), sum(record["seconds"]["total"] for record in level.log))
