@@ -23,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Copy the run, refine it, and print how far finer levels are from what was chosen, and whether scores hold."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import Picture, progress_report, report_run
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -49,6 +49,7 @@ def main(options: Namespace) -> None:
         with stage(f"loading {file}"):
             finest = stored_shot(stored).scene.levels - 1
     take_out(source, out)
+    picture = Picture(out, not options.no_picture)
     if options.refine:
         refine_run(
             out,
@@ -57,9 +58,10 @@ def main(options: Namespace) -> None:
             wavefront=options.wavefront,
             xdmf=not options.no_xdmf,
             ranks=chosen_ranks(options),
+            done=picture.begin,
         )
     for line in level_lines(out, scores):
         print(line)
     if not options.refine:
         print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)
-    report_run(out, not options.no_picture, not options.no_xdmf and options.refine)
+    report_run(picture, not options.no_xdmf and options.refine)

@@ -10,7 +10,7 @@ from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
 """What the default run folder has after the scene's name."""
-LOOK = 0.2  # s between two looks at the files of a scene that is watched: less than a picture takes
+LOOK = 0.05  # s between two looks at the files of a scene that is watched: less than a picture takes
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -54,7 +54,7 @@ def _wait_for_save(scene: Path, before: dict[Path, int]) -> None:
 
 def _preview(options: Namespace) -> None:
     """One preview, which replaces the one that its folder holds, but with `--resume`."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import Picture, progress_report, report_run
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -64,6 +64,7 @@ def _preview(options: Namespace) -> None:
     if not options.resume:
         require_use(shot, "progressive")
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
+    picture = Picture(out, not options.no_picture, shot.scene)
     run_scene(
         shot,
         out,
@@ -74,8 +75,9 @@ def _preview(options: Namespace) -> None:
         xdmf=not options.no_xdmf,
         replace=not options.resume,
         ranks=chosen_ranks(options),
+        done=picture.begin,
     )
-    report_run(out, not options.no_picture, not options.no_xdmf)
+    report_run(picture, not options.no_xdmf)
 
 
 def _refuse_ranks() -> None:

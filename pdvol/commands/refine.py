@@ -18,12 +18,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import Picture, progress_report, report_run
     from pdvol.stages import stage
 
     with stage("loading the solver"):
         from pdvol.runs.runner import refine_run
 
+    picture = Picture(options.run, not options.no_picture)
     refine_run(
         options.run,
         options.to,
@@ -31,5 +32,6 @@ def main(options: Namespace) -> None:
         wavefront=options.wavefront,
         xdmf=not options.no_xdmf,
         ranks=chosen_ranks(options),
+        done=picture.begin,
     )
-    report_run(options.run, not options.no_picture, not options.no_xdmf)
+    report_run(picture, not options.no_xdmf)

@@ -52,7 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import Picture, progress_report, report_run
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -68,6 +68,7 @@ def main(options: Namespace) -> None:
         require_use(shot, options.method)
     if options.branch is not None or options.at is not None:
         first, last, options.resume = _begin_branch(options, shot, first, last, out)
+    picture = Picture(out, not options.no_picture, shot.scene)
     run_scene(
         shot,
         out,
@@ -80,8 +81,9 @@ def main(options: Namespace) -> None:
         wavefront=options.wavefront,
         xdmf=not options.no_xdmf,
         ranks=chosen_ranks(options),
+        done=picture.begin,
     )
-    report_run(out, not options.no_picture, not options.no_xdmf)
+    report_run(picture, not options.no_xdmf)
 
 
 def _begin_branch(

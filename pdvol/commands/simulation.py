@@ -2,10 +2,14 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from pdvol.processes import cores
+from pdvol.stages import stage
 
 if TYPE_CHECKING:
     from pdvol.runs.level_run import Watch
+    from pdvol.scene import Scene
 
 
 def this_rank() -> int:
@@ -22,9 +26,61 @@ def progress_report() -> "Watch | None":
     return (lambda level, total, done: Progress(level, total, done=done)) if this_rank() == 0 else None
 
 
-def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
-    """Draw `picture.png` of a finished run if `drawn`, and print where its files are, what contact held back, and
-    whether the finest level is the animation of level 0, on one rank. `exported` says that level_N.xdmf is there.
+class Picture:
+    """`picture.png` of a run, drawn as soon as its last level is done: of 3D scenes in a process that is started now,
+    where a core is left for it.
+
+    Parameters
+    ----------
+    out : the run folder
+    wanted : without it nothing is drawn
+    scene : of the run, where it is known
+    """
+
+    def __init__(self, out: Path, wanted: bool, scene: "Scene | None" = None):
+        self.out, self.wanted, self._begun, self._painter = out, wanted, False, None
+        if wanted and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene):
+            from pdvol.studio.draw.painter import painter
+
+            self._painter = painter()
+
+    def begin(self) -> None:
+        """Draws it, or has it drawn."""
+        self._begun = True
+        if self._painter is not None:
+            self._painter.begin(self.out)
+        else:
+            self._draw()
+
+    def finish(self) -> None:
+        """Waits until it is drawn."""
+        if not self._begun:
+            self.begin()
+        if self._painter is not None:
+            with stage("drawing picture.png"):
+                drawn = self._painter.finish()
+            if not drawn:
+                self._draw()
+
+    def _draw(self) -> None:
+        if self.wanted:
+            from pdvol.store.reader import open_run
+            from pdvol.studio.draw.picture import render
+
+            render(open_run(self.out), self.out / "picture.png")
+
+
+def _flat(scene: "Scene") -> bool:
+    """Whether a scene is 2D, by its first body's shape; files count as 3D."""
+    shape = scene.bodies[0].shape
+    shape = shape[0] if isinstance(shape, tuple) else shape
+    points: Any = getattr(shape, "points", getattr(shape, "vertices", None))
+    return getattr(points, "shape", ())[1:] == (2,)
+
+
+def report_run(picture: Picture, exported: bool = True) -> None:
+    """Print where a finished run's files are, its picture among them, what contact held back, and whether the finest
+    level is the animation of level 0, on one rank. `exported` says that level_N.xdmf is there.
     """
     if this_rank() != 0:
         return
@@ -32,16 +88,19 @@ def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
     from pdvol.runs.run_summary import held_back_lines, solver_lines
     from pdvol.store.reader import open_run
 
+    picture.finish()
+    out = picture.out
     run = open_run(out)
-    if drawn:
-        from pdvol.studio.draw.picture import render
-
-        render(run, out / "picture.png")
     lost = (note for mesh in run.render_meshes for note in mesh.notes)
     notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run), *lost)]
     for line in (*notes, *held_back_lines(run)):
         print(line, file=sys.stderr)
-    files = ["states", "log.jsonl", *(["level_N.xdmf"] if exported else []), *(["picture.png"] if drawn else [])]
+    files = [
+        "states",
+        "log.jsonl",
+        *(["level_N.xdmf"] if exported else []),
+        *(["picture.png"] if picture.wanted else []),
+    ]
     print(f"{out}: {', '.join(files[:-1])} and {files[-1]}", file=sys.stderr)
     animation = last_animation(run)
     if animation is not None:

@@ -40,7 +40,7 @@ class Progress:
         self.stream = progress_stream() if stream is None else stream
         self._bar: tqdm | None = None
         self._shown = (0, 0.0)
-        self._shot = self._spent = 0.0  # s of the steps seen: of the shot and of computing
+        self._last, self._shot, self._spent = done, 0.0, 0.0  # s of the shot and of computing up to the last step seen
         if self.stream.isatty():
             self._bar = tqdm(
                 total=total, initial=done, desc=f"level {level}", unit="step", file=self.stream, dynamic_ncols=True
@@ -48,6 +48,7 @@ class Progress:
 
     def step(self, record: Mapping) -> None:
         """Shows one finished step; `record` is its object in the log. Numbers it lacks are left out."""
+        self._last = record["step"]
         if "time" in record:
             self._shot += record["time"] / record["step"]
             self._spent += record["seconds"]["total"]
@@ -74,10 +75,10 @@ class Progress:
         self.stream.flush()
 
     def close(self) -> None:
-        """Leave the bar as it stands, and say how fast the steps were."""
+        """Leave the bar as it stands, and say how fast the steps of a finished level were."""
         if self._bar is not None:
             self._bar.close()
-        if self._spent:
+        if self._spent and self._last == self.total:
             factor = real_time(self._shot, self._spent)
             self._write(f"level {self.level}: {self._shot:.3g} s of the shot in {duration(self._spent)}, {factor}")
 

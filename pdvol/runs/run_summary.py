@@ -109,7 +109,7 @@ def _cost(path: Path, log: Sequence[dict], dt: float) -> str:
         mend = "remove that line, the states do not depend on it"
         raise InputError(f"{path / 'log.jsonl'}: a record lacks what pdvol writes ({error}); {mend}") from error
     return (
-        f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step, {real_time(dt * len(log), seconds.sum())}), Newton {np.mean(newton):.1f} "
-        f"(most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}"
+        f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step, {real_time(dt * len(log), seconds.sum())}),"
+        f" Newton {np.mean(newton):.1f} (most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}"
         + (f", intersections {sum(crossing)} in {sum(c > 0 for c in crossing)} states" if crossing else "")
     )

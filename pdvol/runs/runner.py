@@ -2,7 +2,7 @@
 
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -72,6 +72,7 @@ def run_scene(
     xdmf: bool = True,
     replace: bool = False,
     ranks: int | None = 1,
+    done: Callable[[], object] = lambda: None,
 ) -> Path:
     """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
 
@@ -90,6 +91,7 @@ def run_scene(
     replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
     ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
         cores for when None; `comm` then has one rank
+    done : called on rank 0 when all levels are done, before level_N.xdmf is written; not without it
 
     Returns
     -------
@@ -118,7 +120,7 @@ def run_scene(
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace))
-    with exported(comm, out, scene, obstacles) if xdmf else nullcontext():
+    with exported(comm, out, scene, obstacles, done) if xdmf else nullcontext():
         try:
             if wavefront:
                 march_levels(writer, dict.fromkeys(range(first, last + 1), ranks or 1), progress)
@@ -156,6 +158,7 @@ def refine_run(
     wavefront: bool = False,
     xdmf: bool = True,
     ranks: int | None = 1,
+    done: Callable[[], object] = lambda: None,
 ) -> Path:
     """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched.
     Collective.
@@ -169,7 +172,7 @@ def refine_run(
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
     shot, how = stored_shot(info, is_own_run(Path(out), file)), (info["method"], info["prolongation"])
-    return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks)
+    return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks, done=done)
 
 
 def _ranks_of(level: int, mesh: LevelMesh, steps: int, writer: SharedWriter, wanted: int | None) -> int:

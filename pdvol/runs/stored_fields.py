@@ -1,6 +1,6 @@
 """Contact forces and stresses of stored states, for exports, which import no solver themselves."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -73,8 +73,12 @@ class SceneFields:
 
 
 @contextmanager
-def exported(comm: MPI.Comm, path: Path, scene: Scene, obstacles: Sequence[Obstacle]) -> Iterator[None]:
-    """Runs a simulation, and writes level_N.xdmf of what it has stored, also where it cannot go on. Collective."""
+def exported(
+    comm: MPI.Comm, path: Path, scene: Scene, obstacles: Sequence[Obstacle], first: Callable[[], object]
+) -> Iterator[None]:
+    """Runs a simulation, calls `first` on rank 0 where it could go on, and writes level_N.xdmf of what it has stored,
+    also where it could not. Collective.
+    """
 
     def export() -> None:
         def fields(level: int) -> Fields:
@@ -93,8 +97,11 @@ def exported(comm: MPI.Comm, path: Path, scene: Scene, obstacles: Sequence[Obsta
         with suppress(PdvolError):  # there may be no run, or the disk may be full; the first error is the one to report
             on_root(comm, export)
         raise
-    with stage("exporting xdmf"):
-        on_root(comm, export)
+    try:
+        on_root(comm, first)
+    finally:
+        with stage("exporting xdmf"):
+            on_root(comm, export)
 
 
 def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
