@@ -5,7 +5,6 @@ self-intersections.
 from collections.abc import Iterator
 from threading import Lock
 
-import fast_simplification
 import igl
 import numpy as np
 
@@ -65,6 +64,8 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
 
 
 def _attempts(surface: Surface, target: int, euler: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    import fast_simplification
+
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     centre, size = (low + high) / 2.0, float(np.linalg.norm(high - low)) / DIAGONAL
     points = np.ascontiguousarray((surface.vertices - centre) / size, dtype=np.float64)

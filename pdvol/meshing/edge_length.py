@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, check_budget
@@ -89,6 +88,8 @@ def edge_length(target: int, content: float, boundary: float, dim: int) -> float
     low, high = np.log(size) - 12.0, np.log(size) + 2.0
     while excess(high) > 0:  # long thin shapes: the boundary alone has more
         high += 2.0
+    from scipy.optimize import brentq  # takes as long to load as a cached mesh to read
+
     return float(np.exp(brentq(excess, low, high)))
 
 

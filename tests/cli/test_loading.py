@@ -8,6 +8,7 @@ from cli_scenes import CUBE_OFF, FALL, write
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
 SOLVING = {"dolfinx", "petsc4py", "mpi4py", "ipctk"}
 READING = {"meshio", "trimesh"}
+MESHING = {"gmsh", "pytetwild", "fast_simplification", "scipy.optimize"}
 CUBE = """
 import pdvol
 
@@ -22,7 +23,8 @@ for line in sys.stdin:
         code = run(line.split())
     except SystemExit as end:
         code = end.code
-    print("LOADED", code, *sorted({name.partition(".")[0] for name in sys.modules}), flush=True)
+    packages = {name.partition(".")[0] for name in sys.modules} | {"scipy.optimize"} & {*sys.modules}
+    print("LOADED", code, *sorted(packages), flush=True)
 from pdvol import *
 assert "pyvista.plotting" not in sys.modules
 """
@@ -43,6 +45,7 @@ def test_each_verb_loads_what_it_needs(whole, tmp_path):
         "magic": (2, set(), alone),
         "info fall.py": (0, {"ufl"}, PLOTTING | SOLVING | READING | {"igl", "skimage"}),
         f"export {whole} --format obj -o obj": (0, set(), PLOTTING | SOLVING | READING | {"h5py"}),
+        "preview fall.py --steps 1 -o preview": (0, {"dolfinx", "PIL"}, PLOTTING | READING | MESHING),
         f"metrics {whole}": (0, {"matplotlib"}, {"pyvista", "vtkmodules", "trimesh"}),
         "info cube.py": (0, set(), {"pyvista", "vtkmodules"}),
     }
