@@ -1,4 +1,5 @@
-"""`python -m pdvol.worker`: carries out command lines one after the other, so that libraries are loaded once.
+"""`python -m pdvol.worker [MODULE ...]`: carries out command lines one after the other, so that libraries are loaded
+once: these modules, or what every run imports.
 
 Each line of standard input is a JSON object {"words": [...], "log": path}: the words after `pdvol`, and the file that
 takes what the command prints. Each line of standard output is {"code": exit code}; the first one, {"ready": process
@@ -16,8 +17,6 @@ import traceback
 from typing import TextIO
 
 LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build")
-"""What every run imports."""
-
 INTERRUPTED = 130  # exit code of a command line that was requested to end, as `pdvol.cli` gives it
 MOST_MEMORY = 2_000_000  # kilobytes of peak memory after which the process ends: another one then starts small
 
@@ -33,7 +32,7 @@ def main() -> None:
         commands = os.fdopen(os.dup(0))
         os.dup2(nothing.fileno(), 0)
     os.dup2(2, 1)  # what a library prints between two commands is no answer
-    for module in LOADED_BEFORE:
+    for module in sys.argv[1:] or LOADED_BEFORE:
         importlib.import_module(module)
     _answer(answers, {"ready": os.getpid()})
     for line in commands:

@@ -1,6 +1,9 @@
 """What the verbs that simulate share: progress while they run, and a report at the end, both by one rank."""
 
+import os
 import sys
+import time
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +13,7 @@ from pdvol.stages import stage
 if TYPE_CHECKING:
     from pdvol.runs.level_run import Watch
     from pdvol.scene import Scene
+    from pdvol.studio.wedge.worker import Worker
 
 
 def this_rank() -> int:
@@ -27,8 +31,8 @@ def progress_report() -> "Watch | None":
 
 
 class Picture:
-    """`picture.png` of a run, drawn as soon as its last level is done: of 3D scenes in a process that is started now,
-    where a core is left for it.
+    """`picture.png` of a run, drawn as soon as its last level is done: of 3D scenes by a process that loads VTK before,
+    where there is a core for it.
 
     Parameters
     ----------
@@ -38,36 +42,41 @@ class Picture:
     """
 
     def __init__(self, out: Path, wanted: bool, scene: "Scene | None" = None):
-        self.out, self.wanted, self._begun, self._painter = out, wanted, False, None
-        if wanted and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene):
-            from pdvol.studio.draw.painter import painter
-
-            self._painter = painter()
+        self.out, self.wanted, self._begun = out, wanted, False
+        beside = wanted and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
+        self._worker = _painter() if beside else None
 
     def begin(self) -> None:
         """Draws it, or has it drawn."""
         self._begun = True
-        if self._painter is not None:
-            self._painter.begin(self.out)
-        else:
+        if self._worker is not None and self._worker.alive:
+            self._worker.start(["render", str(self.out)], Path(os.devnull))
+        elif self.wanted:
             self._draw()
 
     def finish(self) -> None:
         """Waits until it is drawn."""
         if not self._begun:
             self.begin()
-        if self._painter is not None:
+        if self._worker is not None and self._worker.busy:
             with stage("drawing picture.png"):
-                drawn = self._painter.finish()
-            if not drawn:
-                self._draw()
+                while (code := self._worker.poll()) is None:
+                    time.sleep(0.01)
+            if code:
+                self._draw()  # meets the same error
 
     def _draw(self) -> None:
-        if self.wanted:
-            from pdvol.store.reader import open_run
-            from pdvol.studio.draw.picture import render
+        from pdvol.store.reader import open_run
+        from pdvol.studio.draw.picture import render
 
-            render(open_run(self.out), self.out / "picture.png")
+        render(open_run(self.out), self.out / "picture.png")
+
+
+@cache
+def _painter() -> "Worker":
+    from pdvol.studio.wedge.worker import Worker
+
+    return Worker("pdvol.studio.draw.renderer")
 
 
 def _flat(scene: "Scene") -> bool:

@@ -21,19 +21,19 @@ class WorkerEnded(RuntimeError):
 
 
 class Worker:
-    """One process. It starts at once; libraries are loaded while the caller goes on.
+    """One process. It starts at once; libraries are loaded while the caller goes on: these modules, or those of a run.
 
     Attributes
     ----------
     busy : whether a command line is carried out
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *modules: str) -> None:
         self.busy = False
         self._answers = b""
         self._paused = False
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "pdvol.worker"],
+            [sys.executable, "-m", "pdvol.worker", *modules],
             env=without_launcher(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
