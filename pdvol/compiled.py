@@ -31,6 +31,7 @@ from pdvol.stages import stage
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
 ffi = cffi.FFI()
+DECLARED: list["Library"] = []
 
 
 @cache
@@ -63,6 +64,17 @@ def compiler() -> list[str]:
     raise InputError(f"no C compiler: {missing}; install gcc, or run: pip install ziglang")
 
 
+def build_beside() -> None:
+    """Builds the declared libraries in threads, unless they exist. Where that fails, their first use does."""
+
+    def build(library: Library) -> None:
+        with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
+            library.load()
+
+    for library in DECLARED:
+        Thread(target=build, args=(library,), name="pdvol-compiler").start()
+
+
 class Library:
     """The functions of a folder's C files, built and loaded when the first of them is needed.
 
@@ -77,20 +89,15 @@ class Library:
         ffi.cdef("".join(line for line in lines if not line.startswith("#")))
         self._load, self._lock = cache(lambda: load(folder, definitions)), Lock()
 
-    def build_beside(self) -> None:
-        """Builds it in a thread, unless it exists. Where that fails, its first use does."""
-        Thread(target=self._build, name="pdvol-compiler").start()
+        DECLARED.append(self)
 
-    def _build(self) -> None:
-        with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
-            self._loaded()
-
-    def _loaded(self) -> Any:
+    def load(self) -> Any:
+        """All of them, built now."""
         with self._lock:
             return self._load()
 
     def __getattr__(self, name: str) -> Any:
-        function = getattr(self._loaded(), name)
+        function = getattr(self.load(), name)
         setattr(self, name, function)  # from then on it is found without this call
         return function
 

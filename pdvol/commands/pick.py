@@ -4,7 +4,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks, whole_number
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, whole_number
 from pdvol.errors import InputError
 
 
@@ -23,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Copy the run, refine it, and print how far finer levels are from what was chosen, and whether scores hold."""
-    from pdvol.commands.simulation import Picture, progress_report, report_run
+    from pdvol.commands.simulation import Outputs
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -49,19 +49,12 @@ def main(options: Namespace) -> None:
         with stage(f"loading {file}"):
             finest = stored_shot(stored).scene.levels - 1
     take_out(source, out)
-    picture = Picture(out, not options.no_picture)
+    outputs = Outputs(options, out)
     if options.refine:
-        refine_run(
-            out,
-            finest if last is None else last,
-            progress=progress_report(),
-            wavefront=options.wavefront,
-            xdmf=not options.no_xdmf,
-            ranks=chosen_ranks(options),
-            done=picture.begin,
-        )
+        outputs.simulate(refine_run, out, finest if last is None else last)
     for line in level_lines(out, scores):
         print(line)
     if not options.refine:
         print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)
-    report_run(picture, not options.no_xdmf and options.refine)
+        options.no_xdmf = True
+    outputs.report()

@@ -5,7 +5,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_ranks, chosen_shot, require_use
+from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_shot, require_use
 from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
@@ -54,7 +54,7 @@ def _wait_for_save(scene: Path, before: dict[Path, int]) -> None:
 
 def _preview(options: Namespace) -> None:
     """One preview, which replaces the one that its folder holds, but with `--resume`."""
-    from pdvol.commands.simulation import Picture, progress_report, report_run
+    from pdvol.commands.simulation import Outputs
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -64,20 +64,9 @@ def _preview(options: Namespace) -> None:
     if not options.resume:
         require_use(shot, "progressive")
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
-    picture = Picture(out, not options.no_picture, shot.scene)
-    run_scene(
-        shot,
-        out,
-        0,
-        0,
-        resume=options.resume,
-        progress=progress_report(),
-        xdmf=not options.no_xdmf,
-        replace=not options.resume,
-        ranks=chosen_ranks(options),
-        done=picture.begin,
-    )
-    report_run(picture, not options.no_xdmf)
+    outputs = Outputs(options, out, shot.scene)
+    outputs.simulate(run_scene, shot, out, 0, 0, resume=options.resume, replace=not options.resume)
+    outputs.report()
 
 
 def _refuse_ranks() -> None:

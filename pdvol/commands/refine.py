@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -18,20 +18,12 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import Picture, progress_report, report_run
+    from pdvol.commands.simulation import Outputs
     from pdvol.stages import stage
 
     with stage("loading the solver"):
         from pdvol.runs.runner import refine_run
 
-    picture = Picture(options.run, not options.no_picture)
-    refine_run(
-        options.run,
-        options.to,
-        progress=progress_report(),
-        wavefront=options.wavefront,
-        xdmf=not options.no_xdmf,
-        ranks=chosen_ranks(options),
-        done=picture.begin,
-    )
-    report_run(picture, not options.no_xdmf)
+    outputs = Outputs(options, options.run)
+    outputs.simulate(refine_run, options.run, options.to)
+    outputs.report()

@@ -13,7 +13,6 @@ from pdvol.commands.options import (
     add_ranks,
     add_trust,
     add_wavefront,
-    chosen_ranks,
     chosen_shot,
     level_range,
     require_use,
@@ -52,7 +51,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import Picture, progress_report, report_run
+    from pdvol.commands.simulation import Outputs
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -68,22 +67,9 @@ def main(options: Namespace) -> None:
         require_use(shot, options.method)
     if options.branch is not None or options.at is not None:
         first, last, options.resume = _begin_branch(options, shot, first, last, out)
-    picture = Picture(out, not options.no_picture, shot.scene)
-    run_scene(
-        shot,
-        out,
-        first,
-        last,
-        options.method,
-        options.prolongation,
-        options.resume,
-        progress=progress_report(),
-        wavefront=options.wavefront,
-        xdmf=not options.no_xdmf,
-        ranks=chosen_ranks(options),
-        done=picture.begin,
-    )
-    report_run(picture, not options.no_xdmf)
+    outputs, how = Outputs(options, out, shot.scene), (options.method, options.prolongation, options.resume)
+    outputs.simulate(run_scene, shot, out, first, last, *how)
+    outputs.report()
 
 
 def _begin_branch(

@@ -3,10 +3,14 @@
 import os
 import sys
 import time
+from argparse import Namespace
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pdvol.commands.options import chosen_ranks
 from pdvol.processes import cores
 from pdvol.stages import stage
 
@@ -30,46 +34,73 @@ def progress_report() -> "Watch | None":
     return (lambda level, total, done: Progress(level, total, done=done)) if this_rank() == 0 else None
 
 
-class Picture:
-    """`picture.png` of a run, drawn as soon as its last level is done: of 3D scenes by a process that loads VTK before,
-    where there is a core for it.
+class Outputs:
+    """The files that a command makes of a run: level_N.xdmf, and `picture.png` before it, as soon as the last level is
+    done. Of 3D scenes a process draws it that loads VTK meanwhile, where there is a core for it.
 
     Parameters
     ----------
+    options : of the command, with those of `add_outputs` and `add_ranks`
     out : the run folder
-    wanted : without it nothing is drawn
     scene : of the run, where it is known
     """
 
-    def __init__(self, out: Path, wanted: bool, scene: "Scene | None" = None):
-        self.out, self.wanted, self._begun = out, wanted, False
-        beside = wanted and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
+    def __init__(self, options: Namespace, out: Path, scene: "Scene | None" = None):
+        self.options, self.out, self._begun = options, out, options.no_picture
+        beside = not self._begun and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
         self._worker = _painter() if beside else None
 
-    def begin(self) -> None:
-        """Draws it, or has it drawn."""
-        self._begun = True
-        if self._worker is not None and self._worker.alive:
-            self._worker.start(["render", str(self.out)], Path(os.devnull))
-        elif self.wanted:
-            self._draw()
+    def simulate(self, run: Callable, *arguments: Any, **more: Any) -> None:
+        """Calls `run_scene` or `refine_run` with the command's options. Collective."""
+        wavefront, ranks = getattr(self.options, "wavefront", False), chosen_ranks(self.options)
+        more |= {"progress": progress_report(), "wavefront": wavefront, "ranks": ranks}
+        run(*arguments, xdmf=not self.options.no_xdmf, done=self._draw, **more)
 
-    def finish(self) -> None:
-        """Waits until it is drawn."""
-        if not self._begun:
-            self.begin()
-        if self._worker is not None and self._worker.busy:
-            with stage("drawing picture.png"):
-                while (code := self._worker.poll()) is None:
-                    time.sleep(0.01)
-            if code:
-                self._draw()  # meets the same error
+    def report(self) -> None:
+        """Prints where the files are, what contact held back, and whether the finest level is the animation of level 0,
+        on one rank.
+        """
+        if this_rank() != 0:
+            return
+        from pdvol.runs.run_metrics import last_animation
+        from pdvol.runs.run_summary import held_back_lines, solver_lines
+        from pdvol.store.reader import open_run
+
+        self._draw()
+        self._wait()
+        run, options = open_run(self.out), self.options
+        lost = (note for mesh in run.render_meshes for note in mesh.notes)
+        notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run), *lost)]
+        made = (("level_N.xdmf", options.no_xdmf), ("picture.png", options.no_picture))
+        *files, last = ["states", "log.jsonl", *(name for name, left_out in made if not left_out)]
+        lines = [*notes, *held_back_lines(run), f"{self.out}: {', '.join(files)} and {last}", last_animation(run)]
+        print("\n".join(line for line in lines if line is not None), file=sys.stderr)
 
     def _draw(self) -> None:
+        """Draws, or has the process draw, once."""
+        if self._begun:
+            return
+        self._begun = True
+        with suppress(RuntimeError):  # the process has ended
+            if self._worker is not None and not self._worker.busy:
+                self._worker.start(["render", str(self.out)], Path(os.devnull))
+                return
+        self._draw_here()
+
+    def _draw_here(self) -> None:
         from pdvol.store.reader import open_run
         from pdvol.studio.draw.picture import render
 
         render(open_run(self.out), self.out / "picture.png")
+
+    def _wait(self) -> None:
+        if self._worker is None or not self._worker.busy:
+            return
+        with stage("drawing picture.png"):
+            while (code := self._worker.poll()) is None:
+                time.sleep(0.01)
+        if code:
+            self._draw_here()  # meets the same error
 
 
 @cache
@@ -85,32 +116,3 @@ def _flat(scene: "Scene") -> bool:
     shape = shape[0] if isinstance(shape, tuple) else shape
     points: Any = getattr(shape, "points", getattr(shape, "vertices", None))
     return getattr(points, "shape", ())[1:] == (2,)
-
-
-def report_run(picture: Picture, exported: bool = True) -> None:
-    """Print where a finished run's files are, its picture among them, what contact held back, and whether the finest
-    level is the animation of level 0, on one rank. `exported` says that level_N.xdmf is there.
-    """
-    if this_rank() != 0:
-        return
-    from pdvol.runs.run_metrics import last_animation
-    from pdvol.runs.run_summary import held_back_lines, solver_lines
-    from pdvol.store.reader import open_run
-
-    picture.finish()
-    out = picture.out
-    run = open_run(out)
-    lost = (note for mesh in run.render_meshes for note in mesh.notes)
-    notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run), *lost)]
-    for line in (*notes, *held_back_lines(run)):
-        print(line, file=sys.stderr)
-    files = [
-        "states",
-        "log.jsonl",
-        *(["level_N.xdmf"] if exported else []),
-        *(["picture.png"] if picture.wanted else []),
-    ]
-    print(f"{out}: {', '.join(files[:-1])} and {files[-1]}", file=sys.stderr)
-    animation = last_animation(run)
-    if animation is not None:
-        print(animation, file=sys.stderr)

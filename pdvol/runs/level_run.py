@@ -14,10 +14,8 @@ from pdvol.integrate.marches import Start
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Script
-from pdvol.potentials.assembly import native as assembly
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.progress import Progress
-from pdvol.solve.linear import native as linear
 from pdvol.stages import stage
 
 Watch = Callable[[int, int, int], Progress]
@@ -34,17 +32,6 @@ class LevelWriter(Protocol):
 
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step."""
-
-
-def compile_beside(contact: bool) -> None:
-    """Begins to compile the C code of a run, with or without contact, where this machine has not done so yet."""
-    libraries = [assembly.library, linear.library]
-    if contact:
-        from pdvol.potentials.contact import native
-
-        libraries.append(native.library)
-    for library in libraries:
-        library.build_beside()
 
 
 def run_level(

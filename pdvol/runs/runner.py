@@ -12,6 +12,7 @@ from typing import Any
 from mpi4py import MPI
 from threadpoolctl import threadpool_limits
 
+from pdvol.compiled import build_beside
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.function_check import call_functions
@@ -27,7 +28,7 @@ from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.known_scenes import is_own_run, note_run
 from pdvol.runs.launcher import chosen_ranks, require_ranks
 from pdvol.runs.level_processes import NoRanks, march_levels
-from pdvol.runs.level_run import Watch, compile_beside, run_level
+from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import Shot, both_described, stored_file, stored_shot
 from pdvol.runs.separation import build_apart
@@ -115,8 +116,9 @@ def run_scene(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
         )
     require_ranks(ranks, comm)
-    if comm.rank == 0:
-        compile_beside(bool(scene.contact))  # while levels are meshed
+    if scene.contact:
+        import pdvol.potentials.contact.native  # noqa: F401
+    build_beside()  # while levels are meshed
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace))
