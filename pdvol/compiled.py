@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
@@ -64,8 +65,12 @@ def compiler() -> list[str]:
     raise InputError(f"no C compiler: {missing}; install gcc, or run: pip install ziglang")
 
 
-def build_beside() -> None:
-    """Builds the declared libraries in threads, unless they exist. Where that fails, their first use does."""
+def build_beside(*modules: str) -> None:
+    """Builds the libraries that these modules and those loaded before declare, in threads, unless they exist. Where
+    that fails, their first use does.
+    """
+    for module in modules:
+        import_module(module)
 
     def build(library: Library) -> None:
         with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends

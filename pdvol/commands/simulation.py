@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pdvol.commands.options import chosen_ranks
 from pdvol.processes import cores
 from pdvol.stages import stage
 
@@ -52,6 +51,8 @@ class Outputs:
 
     def simulate(self, run: Callable, *arguments: Any, **more: Any) -> None:
         """Calls `run_scene` or `refine_run` with the command's options. Collective."""
+        from pdvol.commands.options import chosen_ranks
+
         wavefront, ranks = getattr(self.options, "wavefront", False), chosen_ranks(self.options)
         more |= {"progress": progress_report(), "wavefront": wavefront, "ranks": ranks}
         run(*arguments, xdmf=not self.options.no_xdmf, done=self._draw, **more)

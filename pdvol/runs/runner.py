@@ -92,7 +92,7 @@ def run_scene(
     replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
     ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
         cores for when None; `comm` then has one rank
-    done : called on rank 0 when all levels are done, before level_N.xdmf is written; not without it
+    done : called on rank 0 before level_N.xdmf is written, where all levels are done
 
     Returns
     -------
@@ -116,9 +116,7 @@ def run_scene(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
         )
     require_ranks(ranks, comm)
-    if scene.contact:
-        import pdvol.potentials.contact.native  # noqa: F401
-    build_beside()  # while levels are meshed
+    build_beside(*(["pdvol.potentials.contact.native"] if scene.contact else []))
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace))

@@ -11,8 +11,7 @@ from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.layout import BACKGROUND
 from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops, plane_piece
 
-Ink = tuple[int, ...]
-"""Red, green and blue, 0 to 255."""
+Ink = tuple[int, ...]  # red, green and blue, 0 to 255
 SAMPLES_ACROSS = 2  # along each side of a pixel of what is scaled down: 16 samples a pixel with an oversampling of two
 
 
@@ -41,29 +40,28 @@ class FlatRenderer:
         """One level of a run at one step, seen by a camera of the renderer's aspect. Cells have their bodies' colours,
         whatever `colours` are.
         """
-        view = camera or self.camera
+        view, positions = camera or self.camera, in_3d(level.positions(step))
         canvas = _Canvas(view, self.size, self._scale)
-        positions = in_3d(level.positions(step))
         coarseness = float(np.clip(14.0 / np.sqrt(len(level.cells)), 0.2, 1.0))
-        obstacles, outlines = level.placed(run.obstacles, step), []
-        for obstacle in obstacles:
+        outlines = []
+        for obstacle in sorted(level.placed(run.obstacles, step), key=lambda obstacle: obstacle.kind != "plane"):
             if obstacle.kind == "plane":
                 point, normal = obstacle.plane(step)
                 corners = plane_piece(point, normal, view.focus, normal, 4 * view.size)
                 canvas.fill(corners, np.arange(4)[None], _ink(GROUND))
-                outlines.append((corners, np.array([[0, 3]]), _darker(_ink(GROUND), 0.7), 2.0))
+                outlines.append((corners, np.array([[0, 3]]), _ink(GROUND, 0.7), 2.0))
             elif obstacle.kind == "polyline":
                 vertices, edges = in_3d(obstacle.vertices(step)), obstacle.arrays["edges"]
                 canvas.fill(vertices, closed_loops(edges), _ink(OBSTACLE))
-                outlines.append((vertices, edges, _darker(_ink(OBSTACLE), 0.55), 2.5))
+                outlines.append((vertices, edges, _ink(OBSTACLE, 0.55), 2.5))
         for body in np.unique(level.bodies):
-            colour, mine = _ink(PALETTE[body % len(PALETTE)]), level.cells[level.bodies == body]
-            canvas.fill(positions, mine, colour)
+            colour, mine = PALETTE[body % len(PALETTE)], level.cells[level.bodies == body]
+            canvas.fill(positions, mine, _ink(colour))
             edges = np.unique(np.sort(mine[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-            canvas.lines(positions, edges, _darker(colour, 0.8 - 0.2 * coarseness), 0.5 + 0.7 * coarseness)
+            canvas.lines(positions, edges, _ink(colour, 0.8 - 0.2 * coarseness), 0.5 + 0.7 * coarseness)
         for body in np.unique(level.bodies):
             outline = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
-            canvas.lines(positions, outline, _darker(_ink(PALETTE[body % len(PALETTE)]), 0.5), 2.0)
+            canvas.lines(positions, outline, _ink(PALETTE[body % len(PALETTE)], 0.5), 2.0)
         for outline in outlines:
             canvas.lines(*outline)
         return canvas.image()
@@ -98,9 +96,6 @@ class _Canvas:
         return self._image.reduce(SAMPLES_ACROSS).resize(self._size, Image.Resampling.LANCZOS)
 
 
-def _ink(code: str) -> Ink:
-    return ImageColor.getrgb(code)
-
-
-def _darker(ink: Ink, factor: float) -> Ink:
-    return tuple(round(factor * part) for part in ink)
+def _ink(code: str, factor: float = 1.0) -> Ink:
+    """A colour, darker by a factor."""
+    return tuple(round(factor * part) for part in ImageColor.getrgb(code))
