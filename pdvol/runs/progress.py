@@ -80,7 +80,7 @@ class Progress:
             self._bar.close()
         if self._spent and self._last == self.total:
             factor = real_time(self._shot, self._spent)
-            self._write(f"level {self.level}: {self._shot:.3g} s of the shot in {duration(self._spent)}, {factor}")
+            self._write(f"level {self.level}: {self._shot:.3g} s of the shot in {duration(self._spent, 2)}, {factor}")
 
 
 class Calls(Progress):

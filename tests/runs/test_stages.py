@@ -201,8 +201,8 @@ def test_a_run_with_a_cold_cache_says_what_it_does_and_a_quick_one_nothing(shot,
     assert names.index(meshing[1]) < names.index("checking level 0")
     assert log.index("preparing level 0") < log.index("level 0  step 1/2") < log.index("preparing level 1")
     warm = run("b", 60.0)
-    assert stage_names(warm) == [] and len(warm.splitlines()) == 2 * 2 + 2, (
-        "steps, where the files are, and the animation"
+    assert stage_names(warm) == [] and len(warm.splitlines()) == 2 * 3 + 2, (
+        "steps and their pace, where the files are, and the animation"
     )
 
 
