@@ -3,15 +3,15 @@
 from typing import Self
 
 import numpy as np
-from PIL import Image, ImageColor, ImageDraw
+from PIL import Image, ImageDraw
 
+from pdvol.geometry.crossings import edges_of
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.layout import BACKGROUND
-from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops, plane_piece
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops, darker, plane_piece, rgb
 
-Ink = tuple[int, ...]  # red, green and blue, 0 to 255
 SAMPLES_ACROSS = 2  # along each side of a pixel of what is scaled down: 16 samples a pixel with an oversampling of two
 
 
@@ -48,20 +48,19 @@ class FlatRenderer:
             if obstacle.kind == "plane":
                 point, normal = obstacle.plane(step)
                 corners = plane_piece(point, normal, view.focus, normal, 4 * view.size)
-                canvas.fill(corners, np.arange(4)[None], _ink(GROUND))
-                outlines.append((corners, np.array([[0, 3]]), _ink(GROUND, 0.7), 2.0))
+                canvas.fill(corners, np.arange(4)[None], rgb(GROUND))
+                outlines.append((corners, np.array([[0, 3]]), darker(rgb(GROUND), 0.7), 2.0))
             elif obstacle.kind == "polyline":
                 vertices, edges = in_3d(obstacle.vertices(step)), obstacle.arrays["edges"]
-                canvas.fill(vertices, closed_loops(edges), _ink(OBSTACLE))
-                outlines.append((vertices, edges, _ink(OBSTACLE, 0.55), 2.5))
+                canvas.fill(vertices, closed_loops(edges), rgb(OBSTACLE))
+                outlines.append((vertices, edges, darker(rgb(OBSTACLE), 0.55), 2.5))
         for body in np.unique(level.bodies):
-            colour, mine = PALETTE[body % len(PALETTE)], level.cells[level.bodies == body]
-            canvas.fill(positions, mine, _ink(colour))
-            edges = np.unique(np.sort(mine[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-            canvas.lines(positions, edges, _ink(colour, 0.8 - 0.2 * coarseness), 0.5 + 0.7 * coarseness)
+            colour, mine = rgb(PALETTE[body % len(PALETTE)]), level.cells[level.bodies == body]
+            canvas.fill(positions, mine, colour)
+            canvas.lines(positions, edges_of(mine), darker(colour, 0.8 - 0.2 * coarseness), 0.5 + 0.7 * coarseness)
         for body in np.unique(level.bodies):
             outline = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
-            canvas.lines(positions, outline, _ink(PALETTE[body % len(PALETTE)], 0.5), 2.0)
+            canvas.lines(positions, outline, darker(rgb(PALETTE[body % len(PALETTE)]), 0.5), 2.0)
         for outline in outlines:
             canvas.lines(*outline)
         return canvas.image()
@@ -79,13 +78,13 @@ class _Canvas:
         self._axes = pixels * np.column_stack([view.right, -view.up])
         self._middle = np.array([width, height]) / 2 - view.focus @ self._axes
 
-    def fill(self, points: np.ndarray, polygons: "np.ndarray | list[list[int]]", ink: Ink) -> None:
+    def fill(self, points: np.ndarray, polygons: "np.ndarray | list[list[int]]", ink: tuple[int, int, int]) -> None:
         """Polygons of these corners."""
         places = points @ self._axes + self._middle
         for polygon in polygons:
             self._draw.polygon(places[polygon].ravel().tolist(), ink)
 
-    def lines(self, points: np.ndarray, segments: np.ndarray, ink: Ink, width: float) -> None:
+    def lines(self, points: np.ndarray, segments: np.ndarray, ink: tuple[int, int, int], width: float) -> None:
         """Straight lines, `width` pixels of the picture wide."""
         thickness = max(1, round(self._scale * width))
         for ends in (points @ self._axes + self._middle)[segments].reshape(-1, 4).tolist():
@@ -94,8 +93,3 @@ class _Canvas:
     def image(self) -> Image.Image:
         """The picture in its size."""
         return self._image.reduce(SAMPLES_ACROSS).resize(self._size, Image.Resampling.LANCZOS)
-
-
-def _ink(code: str, factor: float = 1.0) -> Ink:
-    """A colour, darker by a factor."""
-    return tuple(round(factor * part) for part in ImageColor.getrgb(code))

@@ -11,7 +11,18 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera, content_of_run, fitted_camera
-from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, across, closed_loops, plane_piece, upward_in_3d
+from pdvol.studio.shown import (
+    GROUND,
+    OBSTACLE,
+    PALETTE,
+    SMOOTH_FROM,
+    across,
+    closed_loops,
+    darker,
+    plane_piece,
+    rgb,
+    upward_in_3d,
+)
 
 SURROUNDINGS = 1.5  # diagonals of the bodies within which large obstacles count for the camera
 SCENE_SIZE = 5.0  # diagonals of the bodies: an obstacle within this of them is shown whole, since the shot goes there
@@ -138,18 +149,6 @@ def whole_view(run: Run) -> Camera:
     levels = [level for level in run.levels if level.steps]
     content = content_of_run(levels, range(levels[0].steps), run.obstacles)
     return fitted_camera(content, levels[0].mesh.dim, upward_in_3d(run))
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """`#f08a67` as three numbers from 0 to 255."""
-    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
-    return red, green, blue
-
-
-def darker(colour: tuple[int, int, int], factor: float) -> tuple[int, int, int]:
-    """The colour times a factor."""
-    red, green, blue = (round(factor * channel) for channel in colour)
-    return red, green, blue
 
 
 def _cut(obstacle: DrawnObstacle) -> np.ndarray:
