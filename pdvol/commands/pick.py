@@ -4,7 +4,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, whole_number
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks, whole_number
 from pdvol.errors import InputError
 
 
@@ -51,7 +51,7 @@ def main(options: Namespace) -> None:
     take_out(source, out)
     outputs = Outputs(options, out)
     if options.refine:
-        outputs.simulate(refine_run, out, finest if last is None else last)
+        outputs.simulate(refine_run, out, finest if last is None else last, ranks=chosen_ranks(options))
     for line in level_lines(out, scores):
         print(line)
     if not options.refine:

@@ -5,7 +5,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_shot, require_use
+from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_ranks, chosen_shot, require_use
 from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
@@ -65,7 +65,8 @@ def _preview(options: Namespace) -> None:
         require_use(shot, "progressive")
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
     outputs = Outputs(options, out, shot.scene)
-    outputs.simulate(run_scene, shot, out, 0, 0, resume=options.resume, replace=not options.resume)
+    how = {"resume": options.resume, "replace": not options.resume, "ranks": chosen_ranks(options)}
+    outputs.simulate(run_scene, shot, out, 0, 0, **how)
     outputs.report()
 
 

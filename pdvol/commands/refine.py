@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -25,5 +25,5 @@ def main(options: Namespace) -> None:
         from pdvol.runs.runner import refine_run
 
     outputs = Outputs(options, options.run)
-    outputs.simulate(refine_run, options.run, options.to)
+    outputs.simulate(refine_run, options.run, options.to, ranks=chosen_ranks(options))
     outputs.report()

@@ -13,6 +13,7 @@ from pdvol.commands.options import (
     add_ranks,
     add_trust,
     add_wavefront,
+    chosen_ranks,
     chosen_shot,
     level_range,
     require_use,
@@ -68,7 +69,7 @@ def main(options: Namespace) -> None:
     if options.branch is not None or options.at is not None:
         first, last, options.resume = _begin_branch(options, shot, first, last, out)
     outputs, how = Outputs(options, out, shot.scene), (options.method, options.prolongation, options.resume)
-    outputs.simulate(run_scene, shot, out, first, last, *how)
+    outputs.simulate(run_scene, shot, out, first, last, *how, ranks=chosen_ranks(options))
     outputs.report()
 
 

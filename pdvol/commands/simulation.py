@@ -39,7 +39,7 @@ class Outputs:
 
     Parameters
     ----------
-    options : of the command, with those of `add_outputs` and `add_ranks`
+    options : of the command, with those of `add_outputs`
     out : the run folder
     scene : of the run, where it is known
     """
@@ -51,10 +51,7 @@ class Outputs:
 
     def simulate(self, run: Callable, *arguments: Any, **more: Any) -> None:
         """Calls `run_scene` or `refine_run` with the command's options. Collective."""
-        from pdvol.commands.options import chosen_ranks
-
-        wavefront, ranks = getattr(self.options, "wavefront", False), chosen_ranks(self.options)
-        more |= {"progress": progress_report(), "wavefront": wavefront, "ranks": ranks}
+        more |= {"progress": progress_report(), "wavefront": getattr(self.options, "wavefront", False)}
         run(*arguments, xdmf=not self.options.no_xdmf, done=self._draw, **more)
 
     def report(self) -> None:

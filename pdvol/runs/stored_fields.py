@@ -93,15 +93,13 @@ def exported(
 
     try:
         yield
+        on_root(comm, first)
     except PdvolError:
         with suppress(PdvolError):  # there may be no run, or the disk may be full; the first error is the one to report
             on_root(comm, export)
         raise
-    try:
-        on_root(comm, first)
-    finally:
-        with stage("exporting xdmf"):
-            on_root(comm, export)
+    with stage("exporting xdmf"):
+        on_root(comm, export)
 
 
 def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
