@@ -8,10 +8,11 @@ import meshio
 import numpy as np
 import pytest
 
-from cli_scenes import CUBE_OFF, pdvol, pdvol_on_ranks, write
+from cli_scenes import CUBE_OFF, DROP, pdvol, pdvol_on_ranks, write
 from commands import SAFETY
 from on_ranks import results_on
 from pdvol import open_run
+from pdvol.commands import simulation
 from pdvol.measure.verify import verify_run
 
 STEPS = 10
@@ -42,6 +43,21 @@ def test_what_a_run_leaves(whole):
     width, height = png_size(whole / "picture.png")
     assert width > height / 3 > 30
     assert not list(whole.rglob("*.tmp*"))
+
+
+def test_a_process_draws_3d_pictures(final_pictures, tmp_path, monkeypatch):
+    """When it has ended the command draws, the same picture."""
+    monkeypatch.setattr(simulation, "cores", lambda: 2)
+    write(tmp_path / "drop.py", DROP)
+    out, pictures = tmp_path / "run", []
+    for _ in range(2):
+        with final_pictures():
+            assert pdvol("preview", tmp_path / "drop.py", "--steps", 1, "--no-xdmf", "--out", out) == 0
+        pictures.append((out / "picture.png").read_bytes())
+        (out / "picture.png").unlink()
+        assert simulation._painter().alive == (len(pictures) == 1)
+        simulation._painter().stop()
+    assert pictures[0] == pictures[1]
 
 
 def test_the_log_has_its_keys(whole):
