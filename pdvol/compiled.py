@@ -66,18 +66,18 @@ def compiler() -> list[str]:
 
 
 def build_beside(*modules: str) -> None:
-    """Builds the libraries that these modules and those loaded before declare, in threads, unless they exist. Where
+    """Builds the libraries that these modules and those loaded before declare, in a thread, unless they exist. Where
     that fails, their first use does.
     """
     for module in modules:
         import_module(module)
 
-    def build(library: Library) -> None:
+    def build() -> None:
         with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
-            library.load()
+            for library in DECLARED:
+                library.load()
 
-    for library in DECLARED:
-        Thread(target=build, args=(library,), name="pdvol-compiler").start()
+    Thread(target=build, name="pdvol-compiler").start()
 
 
 class Library:
