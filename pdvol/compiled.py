@@ -93,11 +93,10 @@ class Library:
         lines = (folder / "interface.h").read_text().splitlines(keepends=True)
         ffi.cdef("".join(line for line in lines if not line.startswith("#")))
         self._load, self._lock = cache(lambda: load(folder, definitions)), Lock()
-
         DECLARED.append(self)
 
     def load(self) -> Any:
-        """All of them, built now."""
+        """The loaded library, built unless it exists."""
         with self._lock:
             return self._load()
 
