@@ -32,18 +32,6 @@ def srgb_colour(code: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def rgb(colour: str) -> tuple[int, int, int]:
-    """`#f08a67` as three numbers from 0 to 255."""
-    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
-    return red, green, blue
-
-
-def darker(colour: tuple[int, int, int], factor: float) -> tuple[int, int, int]:
-    """The colour times a factor."""
-    red, green, blue = (round(factor * channel) for channel in colour)
-    return red, green, blue
-
-
 def _linear(value: float) -> float:
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 

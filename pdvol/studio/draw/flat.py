@@ -9,8 +9,8 @@ from pdvol.geometry.crossings import edges_of
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera
-from pdvol.studio.draw.layout import BACKGROUND
-from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops, darker, plane_piece, rgb
+from pdvol.studio.draw.layout import BACKGROUND, darker, rgb
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops, plane_piece
 
 SAMPLES_ACROSS = 2  # along each side of a pixel of what is scaled down: 16 samples a pixel with an oversampling of two
 

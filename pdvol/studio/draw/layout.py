@@ -1,4 +1,4 @@
-"""Background, ink, fonts and spacing that all pictures share, and their files."""
+"""Background, ink, colours, fonts and spacing that all pictures share, and their files."""
 
 import io
 from pathlib import Path
@@ -16,6 +16,18 @@ CELL_GAP = 8  # pixels between the pictures of two moments or levels
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface in a size [pixels]; every machine has it."""
     return ImageFont.load_default(size)
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """`#f08a67` as three numbers from 0 to 255."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
+def darker(colour: tuple[int, int, int], factor: float) -> tuple[int, int, int]:
+    """The colour times a factor."""
+    red, green, blue = (round(factor * channel) for channel in colour)
+    return red, green, blue
 
 
 def write_png(path: Path, picture: Image.Image) -> Path:

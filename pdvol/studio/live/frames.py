@@ -11,18 +11,8 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera, content_of_run, fitted_camera
-from pdvol.studio.shown import (
-    GROUND,
-    OBSTACLE,
-    PALETTE,
-    SMOOTH_FROM,
-    across,
-    closed_loops,
-    darker,
-    plane_piece,
-    rgb,
-    upward_in_3d,
-)
+from pdvol.studio.draw.layout import darker, rgb
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, across, closed_loops, plane_piece, upward_in_3d
 
 SURROUNDINGS = 1.5  # diagonals of the bodies within which large obstacles count for the camera
 SCENE_SIZE = 5.0  # diagonals of the bodies: an obstacle within this of them is shown whole, since the shot goes there

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from pdvol.studio.draw.camera import VIEW_ANGLE, Camera
-from pdvol.studio.draw.layout import BACKGROUND
+from pdvol.studio.draw.layout import BACKGROUND, rgb
 from pdvol.studio.live.frames import Shape, same_topology
-from pdvol.studio.shown import rgb
 
 LINE_WIDTH = 1.5  # pixels
 FLAT_LIGHT = 3.14  # of an ambient light that gives a surface its own colour: three.js divides by pi

@@ -7,8 +7,9 @@ import pytest
 
 from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run
+from pdvol.studio.draw.layout import rgb
 from pdvol.studio.live.frames import Frames, same_topology, view
-from pdvol.studio.shown import PALETTE, rgb
+from pdvol.studio.shown import PALETTE
 
 
 @pytest.mark.parametrize("name, dim", [("flat_run", 2), ("solid_run", 3)])
