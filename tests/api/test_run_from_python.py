@@ -67,7 +67,8 @@ def test_methods_and_prolongations_reach_the_run():
 def test_progress_on_a_stream(capsys):
     pdvol.run(small.scene(), steps=2, progress=True)
     lines = capsys.readouterr().err.splitlines()
-    assert [line[:19] for line in lines] == [f"level {level}  step {step}/2  " for level in (0, 1) for step in (1, 2)]
+    said = ("  step 1/2  ", "  step 2/2  ", ": 0.04 s of ")
+    assert [line[:19] for line in lines] == [f"level {level}{words}" for level in (0, 1) for words in said]
     pdvol.run(small.scene(), steps=1)
     pdvol.run(small.scene(), steps=1, progress=False)
     assert capsys.readouterr() == ("", "")
