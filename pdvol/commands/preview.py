@@ -10,7 +10,7 @@ from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
 """What the default run folder has after the scene's name."""
-LOOK = 0.05  # s between two looks at the files of a scene that is watched: less than a picture takes
+LOOK = 0.03  # s between two looks at the files of a scene that is watched: less than a picture takes
 
 
 def add_arguments(parser: ArgumentParser) -> None:
