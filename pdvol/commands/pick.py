@@ -23,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Copy the run, refine it, and print how far finer levels are from what was chosen, and whether scores hold."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import progress_report, reported
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -49,17 +49,16 @@ def main(options: Namespace) -> None:
         with stage(f"loading {file}"):
             finest = stored_shot(stored).scene.levels - 1
     take_out(source, out)
-    if options.refine:
-        refine_run(
-            out,
-            finest if last is None else last,
-            progress=progress_report(),
-            wavefront=options.wavefront,
-            xdmf=not options.no_xdmf,
-            ranks=chosen_ranks(options),
-        )
-    for line in level_lines(out, scores):
-        print(line)
-    if not options.refine:
-        print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)
-    report_run(out, not options.no_picture, not options.no_xdmf and options.refine)
+    exported = not options.no_xdmf and options.refine
+    with reported(out, not options.no_picture, exported, lambda: level_lines(out, scores)):
+        if options.refine:
+            refine_run(
+                out,
+                finest if last is None else last,
+                progress=progress_report(),
+                wavefront=options.wavefront,
+                xdmf=not options.no_xdmf,
+                ranks=chosen_ranks(options),
+            )
+        else:
+            print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)

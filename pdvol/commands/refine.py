@@ -18,18 +18,18 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import progress_report, reported
     from pdvol.stages import stage
 
     with stage("loading the solver"):
         from pdvol.runs.runner import refine_run
 
-    refine_run(
-        options.run,
-        options.to,
-        progress=progress_report(),
-        wavefront=options.wavefront,
-        xdmf=not options.no_xdmf,
-        ranks=chosen_ranks(options),
-    )
-    report_run(options.run, not options.no_picture, not options.no_xdmf)
+    with reported(options.run, not options.no_picture, not options.no_xdmf):
+        refine_run(
+            options.run,
+            options.to,
+            progress=progress_report(),
+            wavefront=options.wavefront,
+            xdmf=not options.no_xdmf,
+            ranks=chosen_ranks(options),
+        )

@@ -52,7 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import progress_report, reported
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -68,20 +68,20 @@ def main(options: Namespace) -> None:
         require_use(shot, options.method)
     if options.branch is not None or options.at is not None:
         first, last, options.resume = _begin_branch(options, shot, first, last, out)
-    run_scene(
-        shot,
-        out,
-        first,
-        last,
-        options.method,
-        options.prolongation,
-        options.resume,
-        progress=progress_report(),
-        wavefront=options.wavefront,
-        xdmf=not options.no_xdmf,
-        ranks=chosen_ranks(options),
-    )
-    report_run(out, not options.no_picture, not options.no_xdmf)
+    with reported(out, not options.no_picture, not options.no_xdmf):
+        run_scene(
+            shot,
+            out,
+            first,
+            last,
+            options.method,
+            options.prolongation,
+            options.resume,
+            progress=progress_report(),
+            wavefront=options.wavefront,
+            xdmf=not options.no_xdmf,
+            ranks=chosen_ranks(options),
+        )
 
 
 def _begin_branch(

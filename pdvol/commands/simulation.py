@@ -1,8 +1,12 @@
 """What the verbs that simulate share: progress while they run, and a report at the end, both by one rank."""
 
 import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from pdvol.errors import LevelError
 
 if TYPE_CHECKING:
     from pdvol.runs.level_run import Watch
@@ -20,6 +24,29 @@ def progress_report() -> "Watch | None":
     from pdvol.runs.progress import Progress
 
     return (lambda level, total, done: Progress(level, total, done=done)) if this_rank() == 0 else None
+
+
+@contextmanager
+def reported(
+    out: Path, drawn: bool = True, exported: bool = True, lines: Callable[[], Iterable[str]] = tuple
+) -> Iterator[None]:
+    """Print `lines()`, and `report_run`, of the run that the block makes. Where a finer level has no mesh, its error is
+    raised after that.
+    """
+    from pdvol.store.folder import holds_run
+
+    refused = None
+    try:
+        yield
+    except LevelError as error:
+        if not holds_run(out):
+            raise
+        refused = error
+    for line in lines():
+        print(line)
+    report_run(out, drawn, exported)
+    if refused is not None:
+        raise refused
 
 
 def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
