@@ -3,14 +3,16 @@
 import re
 import struct
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pdvol.errors import MeshError
-from pdvol.meshing.polygons import cut_faces, cut_polygons
+from pdvol.meshing.polygons import cut_faces
 
-KINDS = {
+LETTERS = {
     "char": "b",
     "int8": "b",
     "uchar": "B",
@@ -29,7 +31,7 @@ KINDS = {
     "float64": "d",
 }
 """Letters of `struct` and numpy for PLY's types of numbers."""
-ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 
 Property = tuple[str, ...]
 """A name and the kind of its number; where it is a list, that of the list's length comes between."""
@@ -48,11 +50,11 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
     order, elements = "", list[tuple[str, int, list[Property]]]()
     for word, *rest in filter(None, map(str.split, data[:end].decode("latin-1").splitlines())):
         if word == "format":
-            order = ORDERS.get(rest[0], "")
+            order = BYTE_ORDERS.get(rest[0], "")
         elif word == "element":
             elements.append((rest[0], int(rest[1]), []))
         elif word == "property":
-            kinds = [KINDS[kind] if order else "d" for kind in rest[rest[0] == "list" : -1]]
+            kinds = [LETTERS[kind] if order else "d" for kind in rest[rest[0] == "list" : -1]]
             elements[-1][2].append((rest[-1], *kinds))
     if order:
         end += len(re.match(rb"[ \t]*(\r\n|\n|\r|)", data[end:])[0])  # type: ignore[index]
@@ -67,46 +69,30 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
         found[name], end = _columns(data, end, order, count, properties)
         held = min(map(len, found[name].values()), default=count)
         if held < count:
-            what = {"vertex": "vertices", "face": "faces"}.get(name, name)
-            lack = f"it promises {count:,} {what} and holds {held:,}"
+            lack = f"it promises {count:,} {'vertices' if name == 'vertex' else f'{name}s'} and holds {held:,}"
             raise MeshError(f"{path}: truncated, {lack}; export the mesh again")
     points = np.column_stack([np.ravel(found["vertex"][axis]) for axis in "xyz"]).astype(float)
-    columns = found.get("face", {})
-    faces = columns.get("vertex_indices", columns.get("vertex_index", []))
-    if isinstance(faces, np.ndarray):
-        return points, cut_polygons(points, faces).reshape(-1, 3)
-    return points, cut_faces(points, [[int(corner) for corner in face] for face in faces])
+    faces = found.get("face", {})
+    return points, cut_faces(points, faces.get("vertex_indices", faces.get("vertex_index", ())))
 
 
 def _columns(
     data: bytes, place: int, order: str, count: int, properties: Sequence[Property]
-) -> tuple[dict[str, np.ndarray | list[tuple]], int]:
-    """The rows of an element as columns by name, as many as there are, and the place behind them: arrays where all rows
-    have as many numbers as the first.
-    """
-    rows, at, lengths = list[list[tuple]](), place, list[int]()
-    while len(rows) < count:
-        row = []
-        try:
+) -> tuple[dict[str, Any], int]:
+    """The rows of an element as columns by name, as many as there are, and the place behind them."""
+    if all(len(one) == 2 for one in properties):
+        row = np.dtype([(name, order + kind) for name, kind in properties])
+        table = np.frombuffer(data, row, min(count, (len(data) - place) // max(row.itemsize, 1)), place)
+        return {name: table[name] for name, _ in properties}, place + table.nbytes
+    rows = list[list[tuple]]()
+    with suppress(struct.error):  # the data end
+        while len(rows) < count:
+            found = []
             for _, *kinds in properties:
                 numbers: tuple = (1,)
                 for kind in kinds:
                     layout = f"{order}{int(numbers[0])}{kind}"
-                    numbers, at = struct.unpack_from(layout, data, at), at + struct.calcsize(layout)
-                row.append(numbers)
-        except struct.error:
-            break
-        rows.append(row)
-        if len(rows) == 1:
-            lengths = [len(numbers) for numbers in row]
-            fields = [
-                (f"{i}{'' if k + 1 == len(kinds) else 'n'}", order + kind, (n,) if k + 1 == len(kinds) else ())
-                for i, ((_, *kinds), n) in enumerate(zip(properties, lengths, strict=True))
-                for k, kind in enumerate(kinds)
-            ]
-            if len(data) - place >= count * np.dtype(fields).itemsize:
-                table = np.frombuffer(data, np.dtype(fields), count, place)
-                lists = [i for i, (_, *kinds) in enumerate(properties) if len(kinds) == 2]
-                if all((table[f"{i}n"] == lengths[i]).all() for i in lists):
-                    return {name: table[f"{i}"] for i, (name, *_) in enumerate(properties)}, place + table.nbytes
-    return {name: [row[i] for row in rows] for i, (name, *_) in enumerate(properties)}, at
+                    numbers, place = struct.unpack_from(layout, data, place), place + struct.calcsize(layout)
+                found.append(numbers)
+            rows.append(found)
+    return {name: [row[i] for row in rows] for i, (name, *_) in enumerate(properties)}, place
