@@ -29,7 +29,7 @@ from pdvol.runs.launcher import chosen_ranks, require_ranks
 from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
-from pdvol.runs.scene_file import Shot, both_described, stored_file, stored_shot
+from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot
 from pdvol.runs.separation import build_apart
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
@@ -354,7 +354,7 @@ def _open_writer(
         changed: dict[str, Any] = {}
         if shot.file is not None or writer.info["description"] != jsonable(description):
             # the same scene from memory keeps the stored path and its settings, by which it can be made again
-            changed = {"parameters": dict(shot.parameters), "scene_file": _file(shot)}
+            changed = {"parameters": kept_value(shot.parameters), "scene_file": _file(shot)}
         solvers = [*writer.info.get("solvers", []), _solver(scene, writer)]
         if len(solvers) == 1 or solvers[-2]["settings"] != solvers[-1]["settings"]:
             changed["solvers"] = solvers
@@ -368,7 +368,7 @@ def _open_writer(
             "method": method,
             "prolongation": prolongation,
             "scene_file": _file(shot),
-            "parameters": dict(shot.parameters),
+            "parameters": kept_value(shot.parameters),
             "description": shot.description(),
             "diagonal": levels.diagonal,
             "versions": {"python": platform.python_version(), **installed(LIBRARIES)},
