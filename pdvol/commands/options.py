@@ -4,9 +4,9 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pdvol.commands.simulation import this_rank
+from pdvol.commands.simulation import progress_report, this_rank
 from pdvol.errors import InputError
 from pdvol.registry import INTERPOLANTS
 
@@ -89,6 +89,16 @@ def add_ranks(parser: ArgumentParser) -> None:
 def chosen_ranks(options: Namespace) -> int | None:
     """The number of `--ranks`; None without the option. InputError where it is no number."""
     return whole_number("--ranks", options.ranks) if options.ranks else None
+
+
+def how(options: Namespace) -> dict[str, Any]:
+    """What `run_scene` and `refine_run` take from the options that all verbs share."""
+    return {
+        "progress": progress_report(),
+        "wavefront": getattr(options, "wavefront", False),
+        "xdmf": not options.no_xdmf,
+        "ranks": chosen_ranks(options),
+    }
 
 
 def add_trust(parser: ArgumentParser) -> None:

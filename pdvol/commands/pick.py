@@ -4,7 +4,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks, whole_number
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, how, whole_number
 from pdvol.errors import InputError
 
 
@@ -23,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Copy the run, refine it, and print how far finer levels are from what was chosen, and whether scores hold."""
-    from pdvol.commands.simulation import progress_report, reported
+    from pdvol.commands.simulation import reported
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -52,13 +52,6 @@ def main(options: Namespace) -> None:
     exported = not options.no_xdmf and options.refine
     with reported(out, not options.no_picture, exported, lambda: level_lines(out, scores)):
         if options.refine:
-            refine_run(
-                out,
-                finest if last is None else last,
-                progress=progress_report(),
-                wavefront=options.wavefront,
-                xdmf=not options.no_xdmf,
-                ranks=chosen_ranks(options),
-            )
+            refine_run(out, finest if last is None else last, **how(options))
         else:
             print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)

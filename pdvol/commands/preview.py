@@ -5,7 +5,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_ranks, chosen_shot, require_use
+from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_shot, how, require_use
 from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
@@ -54,7 +54,7 @@ def _wait_for_save(scene: Path, before: dict[Path, int]) -> None:
 
 def _preview(options: Namespace) -> None:
     """One preview, which replaces the one that its folder holds, but with `--resume`."""
-    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.commands.simulation import report_run
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -64,17 +64,7 @@ def _preview(options: Namespace) -> None:
     if not options.resume:
         require_use(shot, "progressive")
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
-    run_scene(
-        shot,
-        out,
-        0,
-        0,
-        resume=options.resume,
-        progress=progress_report(),
-        xdmf=not options.no_xdmf,
-        replace=not options.resume,
-        ranks=chosen_ranks(options),
-    )
+    run_scene(shot, out, 0, 0, resume=options.resume, replace=not options.resume, **how(options))
     report_run(out, not options.no_picture, not options.no_xdmf)
 
 

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks
+from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, how
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -18,18 +18,11 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import progress_report, reported
+    from pdvol.commands.simulation import reported
     from pdvol.stages import stage
 
     with stage("loading the solver"):
         from pdvol.runs.runner import refine_run
 
     with reported(options.run, not options.no_picture, not options.no_xdmf):
-        refine_run(
-            options.run,
-            options.to,
-            progress=progress_report(),
-            wavefront=options.wavefront,
-            xdmf=not options.no_xdmf,
-            ranks=chosen_ranks(options),
-        )
+        refine_run(options.run, options.to, **how(options))

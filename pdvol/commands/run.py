@@ -13,8 +13,8 @@ from pdvol.commands.options import (
     add_ranks,
     add_trust,
     add_wavefront,
-    chosen_ranks,
     chosen_shot,
+    how,
     level_range,
     require_use,
 )
@@ -52,7 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
-    from pdvol.commands.simulation import progress_report, reported
+    from pdvol.commands.simulation import reported
     from pdvol.stages import stage
 
     with stage("loading the solver"):
@@ -69,19 +69,7 @@ def main(options: Namespace) -> None:
     if options.branch is not None or options.at is not None:
         first, last, options.resume = _begin_branch(options, shot, first, last, out)
     with reported(out, not options.no_picture, not options.no_xdmf):
-        run_scene(
-            shot,
-            out,
-            first,
-            last,
-            options.method,
-            options.prolongation,
-            options.resume,
-            progress=progress_report(),
-            wavefront=options.wavefront,
-            xdmf=not options.no_xdmf,
-            ranks=chosen_ranks(options),
-        )
+        run_scene(shot, out, first, last, options.method, options.prolongation, options.resume, **how(options))
 
 
 def _begin_branch(

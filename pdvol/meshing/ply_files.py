@@ -2,7 +2,6 @@
 
 import re
 import struct
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,29 +11,10 @@ import numpy as np
 from pdvol.errors import MeshError
 from pdvol.meshing.polygons import cut_faces
 
-LETTERS = {
-    "char": "b",
-    "int8": "b",
-    "uchar": "B",
-    "uint8": "B",
-    "short": "h",
-    "int16": "h",
-    "ushort": "H",
-    "uint16": "H",
-    "int": "i",
-    "int32": "i",
-    "uint": "I",
-    "uint32": "I",
-    "float": "f",
-    "float32": "f",
-    "double": "d",
-    "float64": "d",
-}
+_NAMES = "char int8 uchar uint8 short int16 ushort uint16 int int32 uint uint32 float float32 double float64"
+LETTERS = dict(zip(_NAMES.split(), "bbBBhhHHiiIIffdd", strict=True))
 """Letters of `struct` and numpy for PLY's types of numbers."""
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-
-Property = tuple[str, ...]
-"""A name and the kind of its number; where it is a list, that of the list's length comes between."""
 
 
 def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -47,13 +27,13 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """
     data = path.read_bytes()
     end = data.index(b"end_header") + len(b"end_header")
-    order, elements = "", list[tuple[str, int, list[Property]]]()
+    order, elements = "", list[tuple[str, int, list[tuple[str, ...]]]]()
     for word, *rest in filter(None, map(str.split, data[:end].decode("latin-1").splitlines())):
         if word == "format":
             order = BYTE_ORDERS.get(rest[0], "")
         elif word == "element":
             elements.append((rest[0], int(rest[1]), []))
-        elif word == "property":
+        elif word == "property":  # its name, the letter of a list's length, and that of its numbers
             kinds = [LETTERS[kind] if order else "d" for kind in rest[rest[0] == "list" : -1]]
             elements[-1][2].append((rest[-1], *kinds))
     if order:
@@ -76,9 +56,7 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return points, cut_faces(points, faces.get("vertex_indices", faces.get("vertex_index", ())))
 
 
-def _columns(
-    data: bytes, place: int, order: str, count: int, properties: Sequence[Property]
-) -> tuple[dict[str, Any], int]:
+def _columns(data: bytes, place: int, order: str, count: int, properties: list) -> tuple[dict[str, Any], int]:
     """The rows of an element as columns by name, as many as there are, and the place behind them."""
     if all(len(one) == 2 for one in properties):
         row = np.dtype([(name, order + kind) for name, kind in properties])

@@ -12,8 +12,7 @@ from pdvol.meshes import Solid, Surface
 from pdvol.meshing.gmsh_files import in_one_group, read_gmsh
 from pdvol.meshing.losses import lost_labels, unread_labels
 from pdvol.meshing.surface_files import CORNERS, first_that_reads, indices, triangles_of
-from pdvol.meshing.weld import welded
-from pdvol.meshing.xdmf_files import read_xdmf
+from pdvol.meshing.xdmf_files import read_xdmf, welded
 
 if TYPE_CHECKING:
     import meshio

@@ -1,16 +1,11 @@
 """Vertices at one place, made one: of a surface's seams, which many exporters leave open."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from pdvol.geometry.crossings import counted_edges
 from pdvol.geometry.level_mesh import connected_parts
 from pdvol.meshes import Surface
-
-if TYPE_CHECKING:
-    import meshio
 
 COINCIDENT = 1e-8
 """Distance, relative to the diagonal, up to which two vertices count as one: round-off of an export in text."""
@@ -35,14 +30,6 @@ def coincident(points: np.ndarray, distance: float, groups: np.ndarray | None = 
     group = connected_parts(pairs, len(points))
     _, first = np.unique(group, return_index=True)
     return first[group]
-
-
-def welded(mesh: "meshio.Mesh") -> "meshio.Mesh":
-    """The mesh with the cells of points that are exactly the same on the first of these."""
-    first = coincident(np.asarray(mesh.points), 0.0)
-    for block in mesh.cells:
-        block.data = first[block.data]
-    return mesh
 
 
 def seam_vertices(points: np.ndarray, triangles: np.ndarray) -> int:

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement, parse
 import numpy as np
 
 from pdvol.errors import MeshError
-from pdvol.meshing.weld import welded
+from pdvol.meshing.weld import coincident
 
 if TYPE_CHECKING:
     import meshio
@@ -48,6 +48,14 @@ def _pieces(grid: Element) -> list[Element]:
     parts = [grid] if None not in map(grid.find, ("Topology", "Geometry")) else []
     found = [pieces for pieces in map(_pieces, grid.findall("Grid")) if pieces]
     return parts or sum(found[:1] if grid.get("CollectionType") == "Temporal" else found, [])
+
+
+def welded(mesh: "meshio.Mesh") -> "meshio.Mesh":
+    """The mesh with the cells of points that are exactly the same on the first of these."""
+    first = coincident(np.asarray(mesh.points), 0.0)
+    for block in mesh.cells:
+        block.data = first[block.data]
+    return mesh
 
 
 def _joined(meshes: list["meshio.Mesh"]) -> "meshio.Mesh":
