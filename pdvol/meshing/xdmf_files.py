@@ -59,15 +59,16 @@ def welded(mesh: "meshio.Mesh") -> "meshio.Mesh":
 
 
 def _joined(meshes: list["meshio.Mesh"]) -> "meshio.Mesh":
-    """Some meshes as one, joined where their points are exactly the same, with the cell data that all have."""
+    """Some meshes as one, joined where their points are exactly the same; cell data that one lacks are zero there."""
     if len(meshes) == 1:
         return meshes[0]
     from meshio import Mesh
 
     ends = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
     cells = [(block.type, block.data + end) for mesh, end in zip(meshes, ends, strict=False) for block in mesh.cells]
-    names = set.intersection(*(set(mesh.cell_data) for mesh in meshes))
-    data = {name: [part for mesh in meshes for part in mesh.cell_data[name]] for name in names}
+    data: dict[str, list] = {name: [] for mesh in meshes for name in mesh.cell_data}
+    for name, mesh in ((name, mesh) for name in data for mesh in meshes):
+        data[name] += mesh.cell_data.get(name) or [np.zeros(len(block.data), dtype=int) for block in mesh.cells]
     return welded(Mesh(np.concatenate([mesh.points for mesh in meshes]), cells, cell_data=data))
 
 

@@ -267,6 +267,9 @@ def test_pieces_of_a_level(tmp_path, steps):
     assert labels(solid) == {3: 1, 4: 1} and notes == ([f"the first of its {steps} steps is read"] if steps else [])
     assert len(np.unique(solid.cells)) == 5
     check_solid(solid)
+    bare = re.sub("<Attribute.*?</Attribute>", "", pieces[0])
+    path.write_text(f'<Xdmf Version="3.0"><Domain>{side_by_side.replace(pieces[0], bare)}</Domain></Xdmf>')
+    assert labels(read_shape(path)) == {0: 1, 4: 1}
 
 
 def grid(kind, cells, points=POINTS):
