@@ -56,6 +56,8 @@ def test_levels_below_one_without_a_mesh_are_simulated(scene, tmp_path, capfd, s
     for last, code in ((1, 0), (3, 2)):
         assert command("refine", refined, "--to", last, "--no-picture") == code
     assert states(refined, 1) == before and capfd.readouterr().err.endswith(LINE)
+    assert command("run", *words, "-o", tmp_path / "beside", "--wavefront") == 2
+    assert states(tmp_path / "beside", 1) == before and len(open_run(tmp_path / "beside").levels) == 2
     assert command("run", *words, "-o", tmp_path / "late", "--levels", "2:3", "--method", "direct") == 2
     assert not (tmp_path / "late").exists()
     assert command("check", scene, "--measure", 0) == 2
