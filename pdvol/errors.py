@@ -29,6 +29,14 @@ class MeshError(InputError):
     """A mesh that cannot be simulated or read."""
 
 
+class LevelError(MeshError):
+    """A shape of which no mesh came out for the `level`."""
+
+    def __init__(self, message: str, level: int = 0):
+        super().__init__(message)
+        self.level = level
+
+
 class InvertedCellError(MeshError):
     """Cells of non-positive volume at rest. `cells` are their indices in the input."""
 

@@ -158,6 +158,7 @@ STUDIO = Registry(
         "play": Entry("pdvol.studio.play.notebook:play"),
         "polyfem_scene": Entry("pdvol.studio.imports.polyfem:polyfem_scene"),
         "read_animation": Entry("pdvol.studio.imports.scene_files:read_animation"),
+        "files_of_scene": Entry("pdvol.studio.imports.scene_files:files_of_scene"),
         "read_still": Entry("pdvol.studio.imports.scene_files:read_still"),
     },
 )

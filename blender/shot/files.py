@@ -108,7 +108,7 @@ def write_obj(path: Path, mesh: Mesh) -> None:
 
 def write_weights(path: Path, weights: np.ndarray) -> None:
     """A weight on each line."""
-    write_text(path, "\n".join([*(f"{w:.6g}" for w in weights.tolist()), ""]))
+    write_text(path, "\n".join([*(repr(w) for w in weights.tolist()), ""]))
 
 
 def write_pc2(path: Path, frames: np.ndarray, frames_a_sample: float = 1.0) -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 from pdvol.commands.options import add_settings, loaded_shot, number
 from pdvol.errors import InputError
 
+LISTED = 5  # bodies whose thinnest parts are printed for each level: those of the fewest cells
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol check`."""
@@ -73,6 +75,8 @@ def _scene_lines(result: dict) -> list[str]:
             "  worst cells (mean ratio): "
             + ", ".join(f"{w['cell']} of {w['body']} ({w['quality']:.2f})" for w in e["worst_cells"])
         )
+        thinnest = (f"{t['cells']} of {t['body']} ({t['thickness']:.3g} m)" for t in e["thinnest"][:LISTED])
+        lines.append(f"  cells through the thinnest part: {', '.join(thinnest)}")
         gap = e["smallest_gap"]
         if gap is not None:
             lines.append(

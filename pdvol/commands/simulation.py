@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pdvol.errors import LevelError
 from pdvol.processes import cores
 from pdvol.stages import stage
 
@@ -46,20 +47,34 @@ class Outputs:
 
     def __init__(self, options: Namespace, out: Path, scene: "Scene | None" = None):
         self.options, self.out, self._begun = options, out, options.no_picture
+        self._refused: LevelError | None = None
         beside = not self._begun and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
         self._worker = _painter() if beside else None
 
     def simulate(self, run: Callable, *arguments: Any, **more: Any) -> None:
-        """Calls `run_scene` or `refine_run` with the command's options. Collective."""
+        """Calls `run_scene` or `refine_run` with the command's options. Where a finer level has no mesh, `report`
+        raises its error. Collective.
+        """
         more |= {"progress": progress_report(), "wavefront": getattr(self.options, "wavefront", False)}
-        run(*arguments, xdmf=not self.options.no_xdmf, done=self._draw, **more)
+        try:
+            run(*arguments, xdmf=not self.options.no_xdmf, done=self._draw, **more)
+        except LevelError as error:
+            from pdvol.store.folder import holds_run
+
+            if not holds_run(self.out):
+                raise
+            self._refused = error
 
     def report(self) -> None:
         """Prints where the files are, what contact held back, and whether the finest level is the animation of level 0,
-        on one rank.
+        on one rank. Raises LevelError where a finer level has no mesh.
         """
-        if this_rank() != 0:
-            return
+        if this_rank() == 0:
+            self._report()
+        if self._refused is not None:
+            raise self._refused
+
+    def _report(self) -> None:
         from pdvol.runs.run_metrics import last_animation
         from pdvol.runs.run_summary import held_back_lines, solver_lines
         from pdvol.store.reader import open_run

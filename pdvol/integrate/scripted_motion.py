@@ -122,11 +122,6 @@ class ScriptedMotion:
         going = any(not isinstance(mover, Obstacle) for mover in self.going())
         return going or (self._ground_moves and bool(self._active()))
 
-    @property
-    def moves_obstacles(self) -> bool:
-        """Whether obstacles are."""
-        return self._ground_moves or any(isinstance(mover, Obstacle) for mover in self.going())
-
     def end(self) -> tuple[float, float, dict[str, float]]:
         """Ends the step.
 

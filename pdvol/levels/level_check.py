@@ -17,8 +17,6 @@ MOST_TURN = np.pi
 """Turn [rad] in a step from which on it cannot be seen which way a body turns."""
 COARSE_TURN = 0.5
 """Turn [rad] in a step from which on time stepping stretches a body visibly: by (1 + turn^2)^(1/2)."""
-THIN = 0.25
-"""Shortest over longest side of the box around a body, of which bending is most of what it does."""
 DAMPING_POWERS = {"implicit_euler": 2, "bdf2": 4}
 """Powers p of the turn [rad] in a step: a rigid body that turns freely keeps (1 + 2 n turn^p)^(-1/p) of its spin over
 n steps (docs/benchmarks.md, a spin)."""
@@ -64,11 +62,6 @@ def level_notes(scene: Scene, mesh: LevelMesh, level: int, diagonal: float) -> l
     with suppress(InputError):  # what stops a run is found by `level_defects`
         notes += start_notes(scene, mesh, level)
     for number, body in enumerate(scene.bodies):
-        if level == 0 and _one_cell_thick(mesh, number):
-            notes.append(
-                f"level 0: body {body.name!r} is thin and has no vertex inside, so it is one cell thick and bends too"
-                " little: with 60 vertices a slab swung 0.73 times as far as it should; ask for more vertices"
-            )
         turn = _turn(scene, body.spin)
         lost = 1.0 - spin_kept(scene.integrator, turn, scene.steps)
         if level == 0 and lost > LOST_SPIN and turn < MOST_TURN:
@@ -115,12 +108,6 @@ def _check_distance(scene: Scene, mesh: LevelMesh, dhat: float) -> None:
                 f"body {body.name!r}: the contact distance dhat = {dhat:.3g} m is larger than the body ({long:.3g} m);"
                 f" give Barrier(dhat=...) of {1e-3 * long:.1g} m or so"
             )
-
-
-def _one_cell_thick(mesh: LevelMesh, body: int) -> bool:
-    """Whether a thin body has no vertex inside."""
-    mine, sides = np.flatnonzero(mesh.point_bodies == body), _sides(mesh, body)
-    return bool(sides.min() < THIN * sides.max() and np.isin(mine, mesh.boundary).all())
 
 
 def _sides(mesh: LevelMesh, body: int) -> np.ndarray:

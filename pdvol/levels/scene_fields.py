@@ -57,7 +57,7 @@ def _boundary(shape: Outline | Surface | Solid) -> tuple[np.ndarray, np.ndarray]
     """Points (n, d) [m] and boundary facets (m, d) of a body's shape."""
     if isinstance(shape, Outline):
         ends = np.arange(len(shape.points))
-        return shape.points, np.column_stack([ends, np.roll(ends, -1)])
+        return np.asarray(shape.points, dtype=float), np.column_stack([ends, np.roll(ends, -1)])
     return shape.vertices, shape.triangles if isinstance(shape, Surface) else boundary_facets(shape.cells)[0]
 
 

@@ -9,7 +9,6 @@ times, or moved, is meshed once.
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from threading import Lock
 from typing import TypeAlias, cast
@@ -17,7 +16,7 @@ from typing import TypeAlias, cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pdvol.errors import InputError, MeshError
+from pdvol.errors import InputError, LevelError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.flat_faces import FlatFaces
@@ -69,6 +68,8 @@ def build_levels(scene: Scene, count: int | None = None, cache: Path | None = No
     ------
     InputError
         A shape is missing, unreadable or invalid; the message of one line names the body.
+    LevelError
+        No mesh came out for a level; all bodies have one for each coarser level.
     """
     levels = scene.levels if count is None else min(count, scene.levels)
     if levels < 1:
@@ -76,7 +77,16 @@ def build_levels(scene: Scene, count: int | None = None, cache: Path | None = No
     folder = mesh_cache.default_folder() if cache is None else Path(cache)
     shapes: dict[str, list[LevelMesh]] = {}
     with cpu_budget(vertices_asked(scene)):
-        built = [_body_levels(body, levels, folder, shapes) for body in scene.bodies]
+        built, refused = list[list[LevelMesh]](), None
+        for body in scene.bodies:
+            try:
+                built.append(_body_levels(body, levels, folder, shapes))
+            except LevelError as error:  # another body may lack a coarser level
+                if error.level == 0:
+                    raise
+                levels, refused = error.level, error
+    if refused is not None:
+        raise refused
     dims = {body.name: meshes[0].dim for body, meshes in zip(scene.bodies, built, strict=True)}
     if len(set(dims.values())) > 1:
         raise InputError(f"bodies must all be 2D or all 3D, not {dims}; replace the odd ones")
@@ -217,7 +227,10 @@ def _meshed(
         }
 
     def fetch(level: int) -> LevelMesh:
-        arrays = mesh_cache.fetch(folder, f"{key}-{level}", partial(build, level))
+        try:
+            arrays = mesh_cache.fetch(folder, f"{key}-{level}", partial(build, level))
+        except MeshError as error:
+            raise LevelError(str(error), first + level) from error
         return _alone(*(arrays[name] for name in ("points", "cells", "regions", "places")))
 
     # The meshers are processes of their own: levels are made side by side. Of several failures the coarsest is raised.
@@ -265,12 +278,7 @@ def _decimated(surface: Surface, targets: Sequence[int] | np.ndarray, name: str)
 
 
 def _shape_key(shape: Shape, targets: Sequence[int] | np.ndarray) -> str:
-    versions = []
-    for package in _LIBRARIES:
-        try:
-            versions.append(f"{package} {version(package)}")
-        except PackageNotFoundError:
-            versions.append(package)
+    versions = [" ".join(pair) for pair in mesh_cache.installed(_LIBRARIES).items()]
     arrays = (shape.points,) if isinstance(shape, Outline) else tuple(np.asarray(a) for a in vars(shape).values())
     return mesh_cache.content_key(type(shape).__name__, *arrays, *(int(t) for t in targets), BUILD_VERSION, *versions)
 

@@ -118,10 +118,3 @@ def bytes_after_stl(path: Path) -> int | None:
     if len(start) < 84 or after < 0 or after > 0 and _kind(text, start, 0):
         return None
     return after
-
-
-def promised_faces(path: Path) -> int | None:
-    """Faces that the header of a PLY file promises; None where it does not say so."""
-    with path.open("rb") as file:
-        found = re.search(rb"element\s+face\s+(\d+)", file.read(START))
-    return int(found.group(1)) if found else None

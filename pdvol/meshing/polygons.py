@@ -29,10 +29,12 @@ def cut_polygons(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
     Raises
     ------
     ValueError
-        A polygon of more than `MOST_CORNERS` corners is no fan.
+        A polygon of more than `MOST_CORNERS` corners is no fan, or one has less than three.
     """
     polygons = np.asarray(polygons, dtype=np.int64)
     count, corners = polygons.shape
+    if corners < 3:
+        raise ValueError(f"a face has {corners} corners")
     fans = np.stack(
         [np.stack([polygons[:, 0], polygons[:, i], polygons[:, i + 1]], 1) for i in range(1, corners - 1)], 1
     )

@@ -1,11 +1,11 @@
 """Reads a shape from whatever a scene names: a file of a surface or a volume mesh, or arrays that are passed through.
 
-The library for each format was chosen by trying all of them. OBJ, OFF and STL are read here: meshio refuses OBJ files
-that have more normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams, and
-libigl aborts the process on truncated files; trimesh refuses STL files in capitals, with decimal commas, or with more
-bytes than they promise. PLY is read by trimesh, files of Gmsh by Gmsh, others by meshio or else VTK. What a file really
-is, is looked at before (`file_kinds.py`). USD and Alembic are the studio's. Any error of a library becomes a message of
-one line. All reading happens in a child process of limited processor time and memory.
+The library for each format was chosen by trying all of them. OBJ, OFF, STL and PLY are read here: meshio refuses OBJ
+files that have more normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams,
+and libigl aborts the process on truncated files; trimesh refuses STL files in capitals, with decimal commas, or with
+more bytes than they promise. Files of Gmsh are read by Gmsh, others by meshio or else VTK. What a file really is, is
+looked at before (`file_kinds.py`). USD and Alembic are the studio's. Any error of a library becomes a message of one
+line. All reading happens in a child process of limited processor time and memory.
 """
 
 import atexit
@@ -31,7 +31,7 @@ from pdvol.scene.point_caches import ALEMBIC_FILES, USD_FILES
 
 SCENES = USD_FILES + ALEMBIC_FILES
 """Files of scenes, whose meshes are read as one surface."""
-LOADS = {".ply": "trimesh", **dict.fromkeys(VOLUMES, "meshio"), **dict.fromkeys(VTK_ONLY, "pyvista")}
+LOADS = {**dict.fromkeys(VOLUMES, "meshio"), **dict.fromkeys(VTK_ONLY, "pyvista")}
 """The library that reads a kind of file: its loading does not count as reading."""
 MARK_IN_THE_WAY = (".ply", ".off", ".stl", ".msh", ".vtk", ".vtu", ".mesh")  # of a byte-order mark: others skip it
 BASE_SECONDS = 6.0  # limit on processor time [s] for a file of no size: leaves time to load a second library

@@ -289,6 +289,9 @@ def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: 
             result = _surface(made, facets, hole, name, steps)
             judge(result, name)
             lost, added = deviation(points, triangles, result.vertices, result.triangles)
+            whole, left = enclosed_volume(points, triangles), enclosed_volume(result.vertices, result.triangles)
+            if not grown and abs(left - whole) <= UNCHANGED * whole:
+                lost = 0.0  # only walls between two outsides are gone, as the lid of a cavity flush with the hull
             if max(lost, added) > envelope * size:
                 what = "lose" if lost > added else "add"
                 raise MeshError(

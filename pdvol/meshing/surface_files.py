@@ -1,6 +1,5 @@
 """Triangles from files of surfaces, and from the blocks of meshio; polygons are cut."""
 
-import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,8 +10,9 @@ import numpy as np
 
 from pdvol.errors import MeshError
 from pdvol.meshes import Surface
-from pdvol.meshing.file_kinds import bytes_after_stl, promised_faces
+from pdvol.meshing.file_kinds import bytes_after_stl
 from pdvol.meshing.losses import face_labels, lost_labels
+from pdvol.meshing.ply_files import read_ply
 from pdvol.meshing.polygons import cut_faces, cut_polygons
 
 if TYPE_CHECKING:
@@ -21,15 +21,6 @@ if TYPE_CHECKING:
 SURFACES = (".obj", ".ply", ".off", ".stl")
 CORNERS = {"tetra": 4, "triangle": 3, "quad": 4}
 """Cells that are read, by the beginnings of their names, and how many of their nodes are corners: the first ones."""
-PLY_BYTES = {
-    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
-    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
-    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
-    **dict.fromkeys(("double", "float64"), 8),
-}
-"""Size [bytes] of a number in a binary PLY file, by the name of its type."""
-
-
 Result = TypeVar("Result")
 
 
@@ -42,15 +33,10 @@ def read_surface(path: Path) -> tuple[Surface, list[str]]:
         It is unreadable, truncated, or holds no triangles.
     """
     suffix = path.suffix.lower()
-    readers = {".obj": (read_obj,), ".off": (_off,), ".stl": (_stl,)}.get(suffix, (_ply, _polygons, _ply_without_rest))
-    points, triangles = first_that_reads(path, *readers)
+    readers = {".obj": read_obj, ".off": _off, ".stl": _stl, ".ply": read_ply}
+    points, triangles = first_that_reads(path, readers[suffix])
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
-    if suffix == ".ply" and (promised_faces(path) or 0) > len(triangles):
-        raise MeshError(
-            f"{path}: truncated, it promises {promised_faces(path):,} faces and holds {len(triangles):,}; export the"
-            " mesh again"
-        )
     more = bytes_after_stl(path) if suffix == ".stl" else 0
     notes = [f"{more:,} bytes after its {len(triangles):,} triangles are left out"] if more else []
     surface = Surface(np.ascontiguousarray(points, dtype=np.float64), indices(path, triangles))
@@ -135,42 +121,6 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     found = parse_obj(path)
     places = np.array(found.points).reshape(-1, 3)
     return places, cut_faces(places, found.faces)
-
-
-def _ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    import trimesh
-
-    # `fix_texture` would split vertices at a texture's seams.
-    mesh = trimesh.load_mesh(path, process=False, fix_texture=False)
-    if (promised_faces(path) or np.inf) < len(mesh.faces):  # polygons, which trimesh has cut in fans
-        return _polygons(path)
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
-
-
-def _ply_without_rest(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """A binary PLY file of triangles up to the end of the promised data, however many properties these have."""
-    import trimesh
-
-    data = path.read_bytes()
-    end = data.index(b"\n", data.index(b"end_header")) + 1
-    count = 0
-    lines = [line.split() for line in data[:end].decode("latin-1").splitlines()]
-    for word, *rest in filter(None, lines):
-        if word == "element":
-            count = int(rest[1])
-        elif word == "property":
-            kinds = [rest[1], *[rest[2]] * 3] if rest[0] == "list" else rest[:1]
-            end += count * sum(PLY_BYTES[kind] for kind in kinds)
-    mesh = trimesh.load_mesh(io.BytesIO(data[:end]), file_type="ply", process=False, fix_texture=False)
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
-
-
-def _polygons(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Of a PLY file, whatever comes after its faces."""
-    import meshio
-
-    polygons = meshio.read(path)
-    return np.asarray(polygons.points), triangles_of(polygons)[0]
 
 
 def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:

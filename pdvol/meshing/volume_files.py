@@ -12,8 +12,7 @@ from pdvol.meshes import Solid, Surface
 from pdvol.meshing.gmsh_files import in_one_group, read_gmsh
 from pdvol.meshing.losses import lost_labels, unread_labels
 from pdvol.meshing.surface_files import CORNERS, first_that_reads, indices, triangles_of
-from pdvol.meshing.weld import coincident
-from pdvol.meshing.xdmf_files import read_xdmf
+from pdvol.meshing.xdmf_files import read_xdmf, welded
 
 if TYPE_CHECKING:
     import meshio
@@ -145,11 +144,7 @@ def _with_vtk(path: Path) -> "meshio.Mesh":
         grid = others if solid else grid.extract_geometry().triangulate()
     mesh = pyvista.to_meshio(grid)
     mesh.info = notes
-    if _collects(path):
-        first = coincident(np.asarray(mesh.points), 0.0)
-        for block in mesh.cells:
-            block.data = first[block.data]
-    return mesh
+    return welded(mesh) if _collects(path) else mesh
 
 
 def _collects(path: Path) -> bool:

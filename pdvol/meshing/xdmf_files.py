@@ -8,33 +8,31 @@ from xml.etree.ElementTree import Element, SubElement, parse
 import numpy as np
 
 from pdvol.errors import MeshError
+from pdvol.meshing.weld import coincident
 
 if TYPE_CHECKING:
     import meshio
 
 
 def read_xdmf(path: Path) -> "meshio.Mesh":
-    """The first grid with points and cells: of a time series the first step. Mesh tags of dolfinx, which are grids that
-    use the points of another one, become the cell data `mesh_tags`.
+    """The first grid with points and cells, or all that lie beside it in a collection: of a time series the first step.
+    Mesh tags of dolfinx, which are grids that use the points of another one, become the cell data `mesh_tags`.
 
     Raises
     ------
     MeshError
-        The file with the data is missing, or grids lie side by side.
+        The file with the data is missing.
     """
     root = parse(path).getroot()
-    whole = next((grid for grid in root.iter("Grid") if None not in map(grid.find, ("Topology", "Geometry"))), None)
+    whole = next(filter(None, map(_pieces, root.findall("Domain/Grid"))), None)
     if whole is None:
         raise ValueError("no grid has points and cells")
-    pieces = [len(one.findall("Grid")) for one in root.iter("Grid") if one.get("CollectionType") == "Spatial"]
-    if max(pieces, default=0) > 1:
-        raise MeshError(f"{path}: holds {max(pieces)} grids side by side; join them, as ParaView's Merge Blocks does")
-    mesh = _read_grid(path, whole, whole)
+    mesh = _joined([_read_grid(path, piece, piece) for piece in whole])
     series = [len(one.findall("Grid")) for one in root.iter("Grid") if one.get("CollectionType") == "Temporal"]
     mesh.info = [f"the first of its {max(series)} steps is read"] if max(series, default=0) > 1 else []
     for grid in root.findall("Domain/Grid"):
         if grid.find("Geometry") is None and None not in map(grid.find, ("Topology", "Attribute")):
-            tags = _read_grid(path, grid, whole)
+            tags = _read_grid(path, grid, whole[0])
             if [block.type for block in tags.cells] == [block.type for block in mesh.cells] and len(mesh.cells) == 1:
                 count = len(mesh.cells[0].data)
                 rows = np.sort(np.vstack([mesh.cells[0].data, tags.cells[0].data]), axis=1)
@@ -43,6 +41,35 @@ def read_xdmf(path: Path) -> "meshio.Mesh":
                 values[which.ravel()[count:]] = next(iter(tags.cell_data.values()))[0].ravel()
                 mesh.cell_data["mesh_tags"] = [values[which.ravel()[:count]]]
     return mesh
+
+
+def _pieces(grid: Element) -> list[Element]:
+    """The grids with points and cells that a grid consists of, at the first of its steps."""
+    parts = [grid] if None not in map(grid.find, ("Topology", "Geometry")) else []
+    found = [pieces for pieces in map(_pieces, grid.findall("Grid")) if pieces]
+    return parts or sum(found[:1] if grid.get("CollectionType") == "Temporal" else found, [])
+
+
+def welded(mesh: "meshio.Mesh") -> "meshio.Mesh":
+    """The mesh with the cells of points that are exactly the same on the first of these."""
+    first = coincident(np.asarray(mesh.points), 0.0)
+    for block in mesh.cells:
+        block.data = first[block.data]
+    return mesh
+
+
+def _joined(meshes: list["meshio.Mesh"]) -> "meshio.Mesh":
+    """Some meshes as one, joined where their points are exactly the same; cell data that one lacks are zero there."""
+    if len(meshes) == 1:
+        return meshes[0]
+    from meshio import Mesh
+
+    ends = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
+    cells = [(block.type, block.data + end) for mesh, end in zip(meshes, ends, strict=False) for block in mesh.cells]
+    data: dict[str, list] = {name: [] for mesh in meshes for name in mesh.cell_data}
+    for name, mesh in ((name, mesh) for name in data for mesh in meshes):
+        data[name] += mesh.cell_data.get(name) or [np.zeros(len(block.data), dtype=int) for block in mesh.cells]
+    return welded(Mesh(np.concatenate([mesh.points for mesh in meshes]), cells, cell_data=data))
 
 
 def _read_grid(path: Path, grid: Element, whole: Element) -> "meshio.Mesh":

@@ -64,6 +64,8 @@ def run(
     ------
     InputError
         Something in the arguments, the scene, its meshes or the folder is unfit.
+    MeshError
+        No mesh came out for a level. Coarser ones are kept as after a ConvergenceError.
     ConvergenceError
         A step could not be solved. Everything up to the last good step is kept, in a temporary folder until the process
         ends; a note of the error names the folder.

@@ -18,7 +18,7 @@ from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle, Script
-from pdvol.runs.scene_file import Shot, both_described
+from pdvol.runs.scene_file import Shot, both_described, kept_value
 from pdvol.runs.separation import build_apart
 from pdvol.scene.fingerprint import differences
 from pdvol.store.copying import copy_run, require_new
@@ -76,7 +76,7 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
         if before != now:
             _forget(out, step)
         info |= {
-            "parameters": dict(shot.parameters),
+            "parameters": kept_value(shot.parameters),
             "description": shot.description(),
             "scene_file": "" if shot.file is None else str(shot.file),
             "steps": shot.scene.steps,

@@ -117,6 +117,8 @@ def march(
         Something in the arguments, the scene or its meshes is unfit; in the loop, an own term or integrator is.
     ConvergenceError
         In the loop: a step could not be solved.
+    MeshError
+        In the loop, after the coarser levels: no mesh came out for a level.
     """
     scene, (first, last) = checked_scene("march", scene, steps), levels_asked(levels)
     last = scene.levels - 1 if last is None else last
@@ -155,7 +157,7 @@ class March(Iterator[Step]):
         self._terms, self._integrator, self._comm = terms, integrator, comm
         with threadpool_limits(limits=1):
             prepared = on_root(comm, lambda: prepared_levels(scene, levels[-1]))
-            self._diagonal = prepared.diagonal
+            self._diagonal, self._refused = prepared.diagonal, prepared.refused
             self._obstacles = placed_obstacles(scene.obstacles, prepared.geometry)
             self.hierarchy = Hierarchy(prepared.meshes, comm, prolongation)
         self._threads, self._steps = ThreadpoolController(), self._all_steps()
@@ -175,6 +177,8 @@ class March(Iterator[Step]):
     def _all_steps(self) -> Iterator[Step]:
         below: list[Past] = []
         for level in self._levels:
+            if self._refused is not None and level >= self._refused.level:
+                raise self._refused
             model, space, coarse = self.model(level), self.hierarchy[level], below.__getitem__
             integrator = INTEGRATORS[model.integrator]() if self._integrator is None else self._integrator
             start = first_start(model, self.hierarchy, self._method, coarse)

@@ -4,8 +4,7 @@ import platform
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
-from importlib.metadata import version
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from mpi4py import MPI
 from threadpoolctl import threadpool_limits
 
 from pdvol.compiled import build_beside
-from pdvol.errors import InputError
+from pdvol.errors import InputError, LevelError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.function_check import call_functions
 from pdvol.levels.hierarchy import Hierarchy
@@ -23,6 +22,7 @@ from pdvol.levels.obstacles import Geometry, placed_obstacles, read_geometry, st
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal, way_up
 from pdvol.levels.script import Obstacle
 from pdvol.levels.start import start_positions
+from pdvol.meshing.cache import installed
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.known_scenes import is_own_run, note_run
@@ -30,7 +30,7 @@ from pdvol.runs.launcher import chosen_ranks, require_ranks
 from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
-from pdvol.runs.scene_file import Shot, both_described, stored_file, stored_shot
+from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot
 from pdvol.runs.separation import build_apart
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
@@ -44,14 +44,7 @@ from pdvol.store.reader import Run, open_run
 from pdvol.store.writer import RunWriter
 
 LIBRARIES = (
-    "fenics-dolfinx",
-    "dolfinx-solver-real",
-    "petsc4py",
-    "ipctk",
-    "numpy",
-    "scipy",
-    "pytetwild",
-    "gmsh",
+    *("pdvol", "fenics-dolfinx", "dolfinx-solver-real", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh"),
     "fast-simplification",
 )
 LISTED_CHANGES = 6  # changes of a scene: a message lists no more
@@ -102,6 +95,8 @@ def run_scene(
     ------
     InputError
         Something in the scene, its meshes or the folder is invalid; nothing is half-written.
+    LevelError
+        No mesh came out for a level; coarser ones are simulated before.
     ConvergenceError
         A step could not be solved; everything up to the last good step is kept.
     """
@@ -118,15 +113,17 @@ def run_scene(
     require_ranks(ranks, comm)
     build_beside(*(["pdvol.potentials.contact.native"] if scene.contact else []))
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
+    marched = range(first, last + 1 if levels.refused is None else levels.refused.level)
+    if levels.refused is not None and not marched:
+        raise levels.refused
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace))
     with exported(comm, out, scene, obstacles, done) if xdmf else nullcontext():
         try:
             if wavefront:
-                march_levels(writer, dict.fromkeys(range(first, last + 1), ranks or 1), progress)
-                return out
+                march_levels(writer, dict.fromkeys(marched, ranks or 1), progress)
             hierarchy = None
-            for level in range(first, last + 1):
+            for level in () if wavefront else marched:
                 alone = comm.size > 1 or shot.file is None
                 count = 1 if alone else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
                 if count > 1:
@@ -147,6 +144,8 @@ def run_scene(
                 run_level(model, hierarchy, method, writer, progress)
         finally:
             writer.close()
+    if levels.refused is not None:
+        raise levels.refused
     return out
 
 
@@ -233,6 +232,7 @@ class Prepared:
     geometry : of the scene's obstacles
     diagonal : what relative lengths are fractions of [m]
     mended : a line for each body that was set apart from others
+    refused : of the coarsest level without a mesh, if there is one; it and finer ones are left out
     """
 
     meshes: Sequence[LevelMesh]
@@ -240,6 +240,7 @@ class Prepared:
     geometry: list[Geometry]
     diagonal: float
     mended: list[str]
+    refused: LevelError | None = None
 
 
 def prepared_levels(
@@ -256,6 +257,8 @@ def prepared_levels(
     ------
     InputError
         Something in the scene or its meshes is unfit.
+    LevelError
+        No mesh came out for level 0.
     """
     geometry = read_geometry(scene.obstacles)
     obstacles = placed_obstacles(scene.obstacles, geometry)
@@ -263,7 +266,12 @@ def prepared_levels(
     mended: list[str] = []
     if len(stored) <= last:
         call_functions(scene, obstacles)
-        built, mended = build_apart(scene, last + 1, obstacles)
+        try:
+            built, mended = build_apart(scene, last + 1, obstacles)
+        except LevelError as error:
+            if error.level == 0:
+                raise
+            return replace(prepared_levels(scene, error.level - 1, stored, diagonal), refused=error)
         meshes = [*stored, *built[len(stored) :]]
     diagonal = scene_diagonal(scene) if diagonal is None else diagonal
     for level in range(len(meshes)):
@@ -291,7 +299,7 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str, r
         )
     # A run goes on with the lengths that it began with.
     levels = prepared_levels(shot.scene, last, stored, run.info["diagonal"] if stored else None)
-    if 0 < len(stored) <= last and levels.mended != run.info.get("mended", []):
+    if 0 < len(stored) < len(levels.meshes) and levels.mended != run.info.get("mended", []):
         raise InputError(
             f"{out}: with the levels as they are now, bodies are set apart otherwise than in the stored ones; choose"
             " another folder"
@@ -351,7 +359,7 @@ def _open_writer(
         changed: dict[str, Any] = {}
         if shot.file is not None or writer.info["description"] != jsonable(description):
             # the same scene from memory keeps the stored path and its settings, by which it can be made again
-            changed = {"parameters": dict(shot.parameters), "scene_file": _file(shot)}
+            changed = {"parameters": kept_value(shot.parameters), "scene_file": _file(shot)}
         solvers = [*writer.info.get("solvers", []), _solver(scene, writer)]
         if len(solvers) == 1 or solvers[-2]["settings"] != solvers[-1]["settings"]:
             changed["solvers"] = solvers
@@ -365,10 +373,10 @@ def _open_writer(
             "method": method,
             "prolongation": prolongation,
             "scene_file": _file(shot),
-            "parameters": dict(shot.parameters),
+            "parameters": kept_value(shot.parameters),
             "description": shot.description(),
             "diagonal": levels.diagonal,
-            "versions": _versions(),
+            "versions": {"python": platform.python_version(), **installed(LIBRARIES)},
             **({"up": up} if up else {}),
             **({"mended": mended} if mended else {}),
         }
@@ -388,13 +396,3 @@ def _solver(scene: Scene, writer: RunWriter) -> dict:
 def _file(shot: Shot) -> str:
     """The scene file's path, empty for a scene made in memory."""
     return "" if shot.file is None else str(shot.file)
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "pdvol": version("pdvol")}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except ModuleNotFoundError:
-            continue
-    return found

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -110,9 +111,22 @@ def both_described(info: Mapping, shot: Shot) -> tuple[dict, dict]:
     return {**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()}
 
 
+def kept_value(value: Any) -> Any:
+    """A setting, or settings by name, for `run.json`, from which `stored_value` makes it again."""
+    if isinstance(value, Mapping):
+        return {name: kept_value(one) for name, one in value.items()}
+    if isinstance(value, float) and not math.isfinite(value):  # JSON has no such number
+        return {"number": str(value)}
+    return [kept_value(part) for part in value] if isinstance(value, tuple | list) else value
+
+
 def stored_value(value: Any) -> Any:
-    """A setting as `run.json` keeps it: `Relative` and `Pascal` are objects with one key there."""
+    """A setting as `run.json` keeps it: `Relative`, `Pascal` and what is not finite are objects with one key there."""
     match value:
+        case list():
+            return [stored_value(part) for part in value]
+        case {"number": str(text), **others} if not others:
+            return float(text)
         case {"fraction": number, **others} if not others:
             return Relative(number)
         case {"pascals": number, **others} if not others:

@@ -1,7 +1,8 @@
 """Bodies that overlap at t = 0 on some level are moved, shrunk or refined, where the scene's `separate` allows it.
 
-Whole bodies are moved or shrunk, the same on every level, as far as the worst level needs. All levels are therefore
-built, also where fewer are requested. Bodies that have a `start`, which is a function of place, stay.
+Whole bodies are moved or shrunk, the same on every level, as far as the worst level needs. All levels that have a
+mesh are therefore built, also where fewer are requested. Bodies that have a `start`, which is a function of place,
+stay.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pdvol.errors import IntersectionError
+from pdvol.errors import IntersectionError, LevelError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.script import Obstacle
@@ -38,7 +39,7 @@ def build_apart(
     """
     if not scene.separate or not scene.contact:
         return build_levels(scene, count, cache), []
-    bodies = _Arrangement(scene, cache)
+    bodies = _Arrangement(scene, count, cache)
     error = bodies.first_intersection(obstacles)
     for remedy in scene.separate:
         # Every change is one step of some body, and all steps of a body stay below the limit.
@@ -51,16 +52,26 @@ def build_apart(
 
 
 class _Arrangement:
-    """All levels of a scene, and the changes to each body: its size, its shift [m], and the vertices of each level."""
+    """All levels of a scene that have a mesh, at least `count`, and the changes to each body: its size, its shift [m],
+    and the vertices of each level.
+    """
 
-    def __init__(self, scene: Scene, cache: Path | None):
-        self.scene, self._wanted, self._cache = scene, scene, cache
-        self._meshes = build_levels(scene, None, cache)
+    def __init__(self, scene: Scene, count: int, cache: Path | None):
+        self.scene, self._wanted, self._count, self._cache = scene, scene, count, cache
+        self._meshes = self._built()
         finest, count = self._meshes[-1], len(scene.bodies)
         boxes = [finest.points[finest.point_bodies == b] for b in range(count)]
         self._centres = np.array([(box.min(axis=0) + box.max(axis=0)) / 2 for box in boxes])
         self._diagonals = np.array([np.linalg.norm(np.ptp(box, axis=0)) for box in boxes])
         self._sizes, self._shifts, self._moved = np.ones(count), np.zeros((count, finest.dim)), np.zeros(count)
+
+    def _built(self) -> tuple[LevelMesh, ...]:
+        try:
+            return build_levels(self._wanted, None, self._cache)
+        except LevelError as error:
+            if error.level < self._count:
+                raise
+            return build_levels(self._wanted, error.level, self._cache)
 
     def levels(self) -> tuple[LevelMesh, ...]:
         """The meshes with every body in its place."""
@@ -117,7 +128,7 @@ class _Arrangement:
             replace(b, vertices=tuple(targets)) if i == number else b for i, b in enumerate(self._wanted.bodies)
         )
         self._wanted = replace(self._wanted, bodies=bodies)
-        self._meshes = build_levels(self._wanted, None, self._cache)
+        self._meshes = self._built()
         return True
 
     def report(self) -> list[str]:

@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import json
 import math
+import re
 import sysconfig
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
@@ -19,10 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from pdvol.registry import STUDIO
 from pdvol.scene.element import NOT_SIMULATED
+from pdvol.scene.point_caches import USD_FILES
 
 PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
 PAIRED = (".node", ".ele")  # endings of the two files of one mesh
+NAMING = (".xdmf", ".pvd", ".pvtu", ".vtm")  # endings of files that name others beside them, with their data
 ADDED = ("reads", "class")  # keys that older stored runs lack
 NOT_COMPARED = "not compared"
 DEEPEST = 12  # objects within each other: deeper ones are not followed
@@ -228,9 +232,17 @@ def _short(value: Any) -> str:
     return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
 
 
-def _contents(path: Path) -> bytes:
-    """The bytes of a file; of both where a mesh is a pair of files."""
-    names = [path.with_suffix(ending) for ending in PAIRED] if path.suffix.lower() in PAIRED else [path]
+def _contents(path: Path, seen: tuple[Path, ...] = ()) -> bytes:
+    """The bytes of a file and of those that it names and is read with: the other one of a pair, pieces, layers."""
+    suffix, names = path.suffix.lower(), [path]
+    if suffix in PAIRED:
+        names = [path.with_suffix(ending) for ending in PAIRED]
+    elif suffix in USD_FILES:
+        names += STUDIO["files_of_scene"](path)
+    elif suffix in NAMING:
+        others = re.findall(r"[^<>\"\s:]+\.[a-z]\w+", path.read_text(encoding="utf-8", errors="replace"))
+        pieces = [path.parent / other for other in dict.fromkeys(others)]
+        return path.read_bytes() + b"".join(_contents(one, (*seen, path)) for one in pieces if one not in (*seen, path))
     return b"".join(name.read_bytes() for name in names if name.is_file())
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import pdvol
 from blender.shot.description import Mesh, ShotError
-from blender.shot.files import read_pc2, write_obj, write_pc2
+from blender.shot.files import read_pc2, write_obj, write_pc2, write_weights
 from blender.shot.names import plain_names
 from blender.shot.scene_text import open_shapes, parameters, scene_text, write_shot
 from blender_shots import STEPS, mesh_of, places, two_bodies
@@ -184,3 +184,9 @@ def test_only_the_addon_folder_imports_bpy_and_nothing_imports_pdvol():
                 taken.add(str(node.module).split(".")[0])
         assert "pdvol" not in taken, path
         assert "bpy" not in taken or path.parent.name == "addon", path
+
+
+def test_weights_keep_all_digits(tmp_path):
+    weights = np.array([0.1, 1.0 / 3.0, float(np.float32(0.7)), 0.0, 1.0])
+    write_weights(tmp_path / "weights.txt", weights)
+    assert np.loadtxt(tmp_path / "weights.txt").tolist() == weights.tolist()

@@ -66,6 +66,17 @@ def test_a_sound_scene(check):
     assert any("push at once" in note for note in found["notes"])
 
 
+def test_each_level_of_a_thin_body_is_noted_where_it_is_one_cell_thick(check):
+    mats = "tuple(meshes.brick((1.0, 1.0, 0.1), (4, 4, n)) for n in (1, 1, 2))"
+    body = f"Body({mats}, NeoHookean(1e5), name='mat')"
+    _, lines, found = check(f"from pdvol import *\ndef scene():\n    return Scene(({body},), 0.01, 1)\n")
+    assert [line for line in lines if "thinnest part: " in line] == [
+        f"  cells through the thinnest part: {cells} of mat (0.1 m)" for cells in (1, 1, 2)
+    ]
+    noted = [note for note in found["notes"] if "one cell lies through the thinnest part of mat" in note]
+    assert [note.split(":")[1].strip() for note in noted] == ["level 0", "level 1"]
+
+
 def test_the_worst_cells_come_first(check):
     text = TWO.replace(
         "(square(2), square(3))",

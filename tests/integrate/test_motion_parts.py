@@ -30,7 +30,6 @@ class Motion:
     held: np.ndarray = field(default_factory=lambda: EVERYWHERE)
     way: float = 1.0
     clock: float = 0.0
-    moves_obstacles: bool = False
     moves_supports: bool = True
     moves: bool = True
     end_of_span: float = END

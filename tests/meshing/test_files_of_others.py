@@ -1,5 +1,6 @@
 """Volume meshes as other programs write them: all that carries the data is read."""
 
+import re
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -242,13 +243,33 @@ def test_own_series(tmp_path):
     path.write_text(xml.format('CollectionType="Temporal"', STEP.format(0), STEP.format(1)) + "</Domain></Xdmf>")
     solid, notes = read_with_notes(path)
     assert labels(solid) == {3: 1, 4: 1} and notes == ["the first of its 2 steps is read"]
-    path.write_text(xml.format('CollectionType="Spatial"', STEP.format(0), STEP.format(1)) + "</Domain></Xdmf>")
-    with pytest.raises(MeshError, match="holds 2 grids side by side; join them"):
-        read_shape(path)
     path.write_text(xml.format('CollectionType="Temporal"', STEP.format(0), "") + "</Domain></Xdmf>")
     (tmp_path / "level.h5").rename(tmp_path / "other.h5")
     with pytest.raises(MeshError, match=r"there is no level\.h5 beside it"):
         read_shape(path)
+
+
+@pytest.mark.parametrize("steps", [0, 2])
+def test_pieces_of_a_level(tmp_path, steps):
+    """Grids side by side, also within each step of a series, are one mesh: pieces of a parallel run."""
+    with h5py.File(tmp_path / "level.h5", "w") as file:
+        for piece, (cell, region) in enumerate(zip(TETS, (3, 4), strict=True)):
+            used = np.unique(cell)
+            file.update({f"cells{piece}": np.searchsorted(used, [cell]), f"points{piece}": POINTS[used]})
+            file.update({f"region{piece}": np.array([region], dtype=np.int32)})
+    pieces = [re.sub(r"(cells|points|region)<", rf"\g<1>{k}<", STEP.format(0)) for k in range(2)]
+    pieces = [one.replace("2 4", "1 4").replace("5 3", "4 3").replace('"2"', '"1"') for one in pieces]
+    side_by_side = '<Grid GridType="Collection" CollectionType="Spatial">{}{}</Grid>'.format(*pieces)
+    series = f'<Grid GridType="Collection" CollectionType="Temporal">{side_by_side * steps}</Grid>'
+    path = tmp_path / "level.xdmf"
+    path.write_text(f'<Xdmf Version="3.0"><Domain>{series if steps else side_by_side}</Domain></Xdmf>')
+    solid, notes = read_with_notes(path)
+    assert labels(solid) == {3: 1, 4: 1} and notes == ([f"the first of its {steps} steps is read"] if steps else [])
+    assert len(np.unique(solid.cells)) == 5
+    check_solid(solid)
+    bare = re.sub("<Attribute.*?</Attribute>", "", pieces[0])
+    path.write_text(f'<Xdmf Version="3.0"><Domain>{side_by_side.replace(pieces[0], bare)}</Domain></Xdmf>')
+    assert labels(read_shape(path)) == {0: 1, 4: 1}
 
 
 def grid(kind, cells, points=POINTS):

@@ -10,6 +10,7 @@ import pytest
 from cli_scenes import pdvol
 from hostile_files import obj, shifted, together
 from pdvol.errors import MeshError
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.meshes import Surface, ball, box
 from pdvol.meshing.repair import repair
 from pdvol.meshing.verdict import judge
@@ -103,6 +104,28 @@ def test_a_shell_wholly_inside_becomes_a_cavity_and_the_next_one_a_body():
     result, done = mended(*nested)
     assert done[0] == "1 shells turned inside out" and re.search(r"volume 5.84\d+ m\^3 -> 2.99\d+ m\^3", done[-1])
     assert np.array_equal(result.vertices, nested[0])
+
+
+@pytest.mark.parametrize(("at", "volume"), [((0.0, 0.0, 0.3), 1 - 0.064), ((0.3, 0.3, 0.0), 1 - 0.064)])
+def test_a_cavity_that_is_flush_with_the_hull_becomes_a_pocket(at, volume):
+    """At a face, or along an edge: its lid, which has nothing on either side, goes."""
+    result, done = mended(*together(shifted(CUBE, 0.0), bar(0.4, at, True, 0.4)))
+    judge(result, "pocket")
+    assert done[0].startswith("united: 24 triangles became") and "shells 2 -> 1" in done[-1]
+    assert enclosed_volume(result.vertices, result.triangles) == pytest.approx(volume, rel=1e-12)
+
+
+def test_prisms_that_meet_along_an_edge_become_two_shells():
+    """A bow-tie whose lobes share their inner edge, all facing outward."""
+    outline = np.array([[0, 0], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
+    points = np.vstack([np.column_stack([outline, np.full(5, z)]) for z in (0.0, 1.0)])
+    lobes = np.array([(0, 1, 2), (0, 3, 4)])
+    edges = np.vstack([np.column_stack([lobe, np.roll(lobe, -1)]) for lobe in lobes])
+    sides = [t for a, b in edges for t in ((a, b, b + 5), (a, b + 5, a + 5))]
+    result, done = mended(points, np.vstack([lobes[:, ::-1], lobes + 5, sides]))
+    judge(result, "prisms")
+    assert done[0] == "4 vertices made of those in which parts met" and "shells 1 -> 2" in done[-1]
+    assert enclosed_volume(result.vertices, result.triangles) == pytest.approx(2.0, rel=2e-3)
 
 
 def test_changes_beyond_the_envelope_are_refused():

@@ -1,11 +1,14 @@
 """Surface files with more than their data are read, truncated ones are refused."""
 
+import struct
+
 import numpy as np
 import pytest
 import trimesh
 
 from hostile_files import CUBE, obj, off, ply, stl, stl_text
 from pdvol.errors import MeshError
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.meshes import Surface
 from pdvol.meshing.readers import read_shape, read_with_notes
 from pdvol.meshing.validate import check_surface
@@ -58,7 +61,7 @@ def test_surfaces_with_more_than_their_data(tmp_path, name):
 @pytest.mark.parametrize(
     ("name", "data", "cause"),
     [
-        ("cut.ply", ply()[:-20], "unexpected length"),
+        ("cut.ply", ply()[:-20], "promises 12 faces and holds 10"),
         ("cut_ascii.ply", ply(encoding="ascii")[:-20], "promises 12 faces and holds"),
         ("cut.stl", stl(CUBE)[:-30], "promises 12 triangles and holds 11 and 20 bytes"),
         ("cut_ascii.stl", stl_text()[:-60].encode(), "facets begin"),
@@ -69,3 +72,39 @@ def test_surfaces_with_less_than_their_data(tmp_path, name, data, cause):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(MeshError, match=cause):
         read_shape(tmp_path / name)
+
+
+def prism_ply(form: str) -> bytes:
+    """A prism over a hexagon: faces of six, three and four corners between properties of other kinds, an element before
+    them, and bytes behind.
+    """
+    order = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}[form]
+    turns = np.arange(12) * np.pi / 3
+    sides = [(k, (k + 1) % 6, (k + 1) % 6 + 6, k + 6) for k in range(1, 6)]
+    faces = [range(5, -1, -1), range(6, 12), (0, 1, 7), (0, 7, 6), *sides]
+    rows = [[("h", 7), ("B", 2), ("f", 0.5), ("f", 1.5)]]
+    rows += [[("d", np.cos(turns[k])), ("f", np.sin(turns[k])), ("f", float(k > 5)), ("B", 3)] for k in range(12)]
+    for group, face in enumerate(faces):
+        row = [("i", group), ("B", len(face)), *(("I", corner) for corner in face)]
+        rows.append([*row, ("B", 2 * len(face)), *[("f", 0.25)] * (2 * len(face))])
+    head = f"""ply\nformat {form} 1.0\ncomment of a test
+element camera 1\nproperty short kind\nproperty list uchar float lens
+element vertex 12\nproperty double x\nproperty float y\nproperty float32 z\nproperty uint8 red
+element face {len(faces)}\nproperty int group\nproperty list uchar uint vertex_indices
+property list uint8 float texcoord\nend_header\n""".encode()
+    if form == "ascii":
+        return head + "\n".join(" ".join(f"{v:.17g}" for _, v in row) for row in rows).encode() + b"\n\nmore 1\n"
+    return head + b"".join(struct.pack(order + kind, v) for row in rows for kind, v in row) + b"\nmore"
+
+
+@pytest.mark.parametrize("form", ["binary_little_endian", "binary_big_endian", "ascii"])
+def test_ply_files_with_faces_of_various_corners(tmp_path, form):
+    (tmp_path / "prism.ply").write_bytes(prism_ply(form))
+    surface, notes = read_with_notes(tmp_path / "prism.ply")
+    assert len(surface.vertices) == 12 and len(surface.triangles) == 2 * 4 + 2 + 5 * 2
+    check_surface(surface)
+    assert enclosed_volume(surface.vertices, surface.triangles) == pytest.approx(1.5 * np.sqrt(3.0), rel=1e-6)
+    assert notes == ["labels of faces left out, for a surface has no regions: 1 (group)"]
+    (tmp_path / "cut.ply").write_bytes(prism_ply(form)[:-100])
+    with pytest.raises(MeshError, match=r"promises 9 faces and holds [678]; export the mesh again"):
+        read_with_notes(tmp_path / "cut.ply")

@@ -47,3 +47,12 @@ def test_a_folder_that_holds_something_is_not_written_to(small_run, tmp_path):
     require_new(tmp_path / "empty")
     with pytest.raises(InputError, match="is there already"):
         require_new(small_run)
+
+
+def test_a_link_out_of_the_folder_is_not_copied(small_run, tmp_path):
+    (tmp_path / "secret.npz").write_bytes(b"secret")
+    (small_run / "render").mkdir(exist_ok=True)
+    (small_run / "render" / "0.npz").symlink_to(tmp_path / "secret.npz")
+    with pytest.raises(InputError, match=r"0\.npz is a link that leads out of the folder"):
+        copy_run(small_run, tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()

@@ -55,6 +55,26 @@ def read_still(path: Path) -> tuple[Surface, list[str]]:
     return read_in_child_process(path, _opened, _still, loads=_reader(path)[2])
 
 
+def files_of_scene(path: Path) -> list[Path]:
+    """Files besides the named one that a USD file reads its scene from: layers below, references, payloads, clips. None
+    where the package that reads it is missing, or the file is damaged.
+    """
+    try:
+        return read_in_child_process(path, _layers, loads=_reader(path)[2])
+    except InputError:
+        return []
+
+
+def _layers(path: Path) -> list[Path]:
+    from pxr import Tf, UsdUtils
+
+    try:
+        layers, _, _ = UsdUtils.ComputeAllDependencies(str(path))
+    except Tf.ErrorException as error:
+        raise InputError(f"{path}: {error}") from None
+    return sorted({Path(layer.realPath) for layer in layers if layer.realPath} - {path.resolve(), path})
+
+
 def _reader(path: Path) -> tuple[str, Callable[[Path], SceneFile], str]:
     """A file's kind and class, and the module that this needs; InputError where it is not installed."""
     kind = "Alembic" if path.suffix.lower() in ALEMBIC_FILES else "USD"
