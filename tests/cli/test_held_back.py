@@ -80,6 +80,19 @@ def test_info_reports_motions_that_were_held_back(folder, capfd):
     assert all("s behind at the end" in line and "first in step" in line for line in told)
 
 
+def test_a_resumed_run_gives_the_same_states(folder):
+    assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--steps", 9) == 0
+    assert open_run(folder / "parts").levels[0].log[-1]["behind"] > 0.0
+    assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--resume") == 0
+    one, other = open_run(folder / "whole"), open_run(folder / "parts")
+    for a, b in zip(one.levels, other.levels, strict=True):
+        for step in range(11):
+            np.testing.assert_allclose(a.positions(step), b.positions(step), atol=1e-12)
+        for x, y in zip(a.log, b.log, strict=True):
+            assert x["behind"] == pytest.approx(y["behind"], abs=1e-12)
+            assert x["late"] == pytest.approx(y["late"], abs=1e-12)
+
+
 def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
     """Between the ends of steps a motion is only evaluated when contact cuts it into parts. If it fails there, the run
     keeps the completed steps. A motion that fails at the end of a step is found before the run starts.

@@ -14,6 +14,7 @@ from pdvol.errors import MeshError
 from pdvol.meshes import Surface, ball, box
 from pdvol.meshing.repair import repair
 from pdvol.meshing.verdict import judge
+from pdvol.meshing.weld import weld_open
 
 CASES = Path(__file__).parents[2].parent / "shared" / "cases"
 BALL = ball(1.0, 3)
@@ -108,6 +109,13 @@ def test_a_shell_wholly_inside_becomes_a_cavity_and_the_next_one_a_body():
     result, done = mended(*nested)
     assert done[0] == "1 shells turned inside out" and re.search(r"volume 5.84\d+ m\^3 -> 2.99\d+ m\^3", done[-1])
     assert np.array_equal(result.vertices, nested[0])
+
+
+def test_triangles_that_meet_at_a_corner_alone_are_not_welded():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0], [-1, 0, 0], [0, -1, 0]], dtype=float)
+    surface = Surface(points, np.arange(6, dtype=np.int32).reshape(2, 3))
+    welded, notes = weld_open(surface)
+    assert welded is surface and notes == []
 
 
 def test_changes_beyond_the_envelope_are_refused():
