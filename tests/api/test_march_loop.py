@@ -13,7 +13,7 @@ import small
 
 import pdvol
 from commands import SAFETY
-from on_ranks import ENVIRONMENT, results_on
+from on_ranks import ENVIRONMENT
 from pdvol import InputError, Solver
 from pdvol.registry import INTEGRATORS, METHODS
 
@@ -34,8 +34,9 @@ def falling(dt: float, steps: int, levels: int = 1) -> pdvol.Scene:
 # ---- the steps of a run
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("method", "integrator"), [("progressive", "implicit_euler"), *((method, "bdf2") for method in METHODS)]
+)
 def test_steps_are_those_of_a_run(method, integrator):
     scene = replace(small.scene(3, 4), penalty=pdvol.Penalty(weight=0.1), feedback=0.1, integrator=integrator)
     run, seen = pdvol.run(scene, method=method), []
@@ -211,15 +212,6 @@ def test_what_an_own_term_does_later_is_named():
 
 
 # ---- ranks
-
-
-@pytest.mark.mpi
-def test_two_ranks_make_what_one_makes():
-    one, two = results_on((1, 2), own_parts.marched)
-    assert "1_3_hand" in one
-    for key in one:
-        size = 1e3 if key.count("_") == 2 else 1.0  # forces [N], positions [m]
-        np.testing.assert_allclose(two[key], one[key], atol=1e-6 * size, err_msg=key)
 
 
 FULL = """

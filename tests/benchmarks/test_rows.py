@@ -7,17 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.ablation import __main__ as ablation
+from benchmarks.binding import __main__ as binding
 from benchmarks.common import commits, march
 from benchmarks.common import rows as common_rows
 from benchmarks.common.process import REPOSITORY
 from benchmarks.dense import __main__ as dense
 from benchmarks.elements import __main__ as elements
+from benchmarks.extremes import __main__ as extremes
+from benchmarks.fronts import __main__ as fronts
+from benchmarks.hertz import __main__ as hertz
 from benchmarks.ranks import __main__ as ranks
 from benchmarks.stark import __main__ as stark
-from benchmarks.stark import shot
-from pdvol.runs.scene_file import load_shot
-
-PILES = REPOSITORY / "benchmarks" / "common" / "scenes" / "piles.py"
+from benchmarks.stress import __main__ as stress
+from benchmarks.time_order import __main__ as time_order
 
 
 def page_of(study, what="tables"):
@@ -92,18 +95,6 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
     assert "| two cubes | 16 | 2 (2) |" in text and "\nold\n" not in text and text.endswith("-->\nafter\n")
 
 
-# ---- what STARK is given
-
-
-def given(name, path):
-    """The parts of the file of a scene, and the scene."""
-    scene = load_shot(PILES, {"name": name}).scene
-    shot.write(scene, path)
-    with np.load(path) as arrays:
-        parts = {key: arrays[key] for key in arrays if key != "scene"}
-        return json.loads(str(arrays["scene"])), parts, scene
-
-
 # ---- mistakes
 
 
@@ -124,6 +115,14 @@ def given(name, path):
         (elements, ("--rows", "nothing"), "there is no 'nothing'"),
         (elements, ("--docs", __file__), "once each"),
         (ranks, ("--rows", "nothing"), "there is no 'nothing'"),
+        (ablation, ("lengthening,hope",), "hope"),
+        (ablation, ("--rows", "nowhere"), "nowhere"),
+        (binding, ("--docs", "/nonexistent"), "No such file"),
+        (extremes, ("--rows", "nothing"), "nothing"),
+        (fronts, ("spike,nothing",), "nothing"),
+        (hertz, ("--cells", "two"), "two"),
+        (stress, ("--scenes", "nothing"), "nothing"),
+        (time_order, ("--parts", "order,speed"), "there is no part 'speed'; there are order, swings, shots, levels"),
     ],
 )
 def test_a_mistake_is_one_line(study, more, said, tiny, words, tmp_path, capsys):

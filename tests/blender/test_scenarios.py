@@ -14,17 +14,18 @@ from commands import SAFETY
 
 BLENDER = os.environ.get("PDVOL_BLENDER_PYTHON", "")
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = ROOT / "tests" / "helpers" / "in_extension.py"
+PROGRAMS = [ROOT / "tests" / "helpers" / f"in_{name}.py" for name in ("extension", "interface")]
 SCENARIOS = [
-    node.name
-    for node in ast.parse(PROGRAM.read_text()).body
+    (program, node.name)
+    for program in PROGRAMS
+    for node in ast.parse(program.read_text()).body
     if isinstance(node, ast.FunctionDef) and [a.arg for a in node.args.args] == ["folder"]
 ]
-"""Functions of the program that take a folder alone."""
+"""Functions of the programs that take a folder alone."""
 
 
-def test_there_are_as_many_scenarios_as_were_promised():
-    assert len(SCENARIOS) >= 20
+def test_scenarios_are_found():
+    assert {program for program, _ in SCENARIOS} == set(PROGRAMS)
 
 
 @pytest.fixture(scope="session")
@@ -35,8 +36,8 @@ def extension_zip(tmp_path_factory):
 
 
 @pytest.mark.skipif(not BLENDER, reason="PDVOL_BLENDER_PYTHON names no Python that has bpy")
-@pytest.mark.parametrize("scenario", SCENARIOS)
-def test_in_blender(scenario, extension_zip, tmp_path):
+@pytest.mark.parametrize(("program", "scenario"), SCENARIOS)
+def test_in_blender(program, scenario, extension_zip, tmp_path):
     variables = {
         "PDVOL_COMMAND": f"{sys.executable} -m pdvol",
         "PDVOL_ZIP": str(extension_zip),
@@ -45,7 +46,7 @@ def test_in_blender(scenario, extension_zip, tmp_path):
     }
     (tmp_path / "files").mkdir()
     ended = subprocess.run(
-        [BLENDER, str(PROGRAM), scenario, str(tmp_path / "files")],
+        [BLENDER, str(program), scenario, str(tmp_path / "files")],
         capture_output=True,
         text=True,
         timeout=2 * SAFETY,

@@ -2,8 +2,6 @@
 and a resumed run gives the same states. A motion that fails ends the run with a one-line error.
 """
 
-import json
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from cli_scenes import SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
-from pdvol.solve.report import REMEDIES
 
 PRESS = (
     SQUARE
@@ -96,12 +93,6 @@ def test_a_resumed_run_gives_the_same_states(folder):
             assert x["late"] == pytest.approx(y["late"], abs=1e-12)
 
 
-def test_a_run_ends_with_the_line(folder, capfd):
-    assert pdvol("run", folder / "press.py", "--levels", "0", "--out", folder / "again") == 0
-    err = capfd.readouterr().err.splitlines()
-    assert "contact held scripted motions back in" in err[-2]
-
-
 def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
     """Between the ends of steps a motion is only evaluated when contact cuts it into parts. If it fails there, the run
     keeps the completed steps. A motion that fails at the end of a step is found before the run starts.
@@ -116,9 +107,3 @@ def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
     assert pdvol("run", folder / "press.py", "--set", "fail=0.05", "--out", folder / "nan") == 2
     assert capfd.readouterr().err == "pdvol: plane 'plate': its motion gives NaN or infinity at t = 0.06 s\n"
     assert not (folder / "nan").exists()
-
-
-def test_the_log_counts_every_remedy(folder):
-    for record in map(json.loads, (folder / "whole" / "log.jsonl").read_text().splitlines()):
-        assert set(record["remedies"]) == set(REMEDIES)
-        assert record["remedies"]["halvings"] == record["cuts"]

@@ -307,7 +307,7 @@ KEYS += ["format", "dimension", "versions", "state"]
 @SLOWLY
 @pytest.mark.parametrize("key", KEYS)
 def test_run_json_with_wrong_values(inspect_, key, slowly):
-    for value in WRONG if slowly else random.Random(key).sample(WRONG, 3):
+    for value in WRONG if slowly else random.Random(key).sample(WRONG, 2):
         inspect_(damaged_info(key, value), *([] if slowly else [("info", "export")]))
 
 
@@ -341,8 +341,8 @@ def test_states_are_data(inspect_):
         b"",
         b"\x93NUMPY" + b"(" * 70_000,
     ]
-    for name in ("states.bin", "velocity.npy"):
-        for data in hostile:
+    for name, some in (("states.bin", hostile), ("velocity.npy", hostile[3:6])):
+        for data in some:
             inspect_(lambda run, name=name, data=data: (run / "levels" / "0" / name).write_bytes(data), ("export",))
     inspect_(lambda run: runs.put_state(run / "levels" / "0", 1, np.full_like(POINTS[:, :2], np.inf)), ("export",))
 

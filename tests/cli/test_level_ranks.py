@@ -38,10 +38,7 @@ def scene(steps=8, until=1e9):
                  obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)),
                  solver=Solver(tolerance=1e-4))
 """
-pytestmark = [
-    pytest.mark.mpi,
-    pytest.mark.skipif(launcher.launcher() is None, reason="there is no mpirun"),
-]
+pytestmark = [pytest.mark.mpi, pytest.mark.skipif(launcher.launcher() is None, reason="there is no mpirun")]
 ENDED = 10.0  # seconds within which all have to end after one rank was killed
 
 
@@ -168,11 +165,6 @@ def test_a_launcher_that_fails(scene, tmp_path, capfd, monkeypatch):
     assert ranks_of(open_run(tmp_path / "own")) == [[1] * 8]
 
 
-def test_under_mpirun_there_are_ranks_already(scene, tmp_path):
-    (done,) = results_on((2,), pdvol_on_ranks, "run", scene, "--out", tmp_path / "run", "--ranks", 2)
-    assert done["code"] == 2 and "leave out mpirun" in str(done["said"])
-
-
 @pytest.mark.parametrize(
     ("vertices", "wanted", "before", "idle", "expected"),
     [
@@ -212,6 +204,11 @@ def test_a_launcher_of_another_mpi_is_not_taken(tmp_path, monkeypatch):
 def test_a_rank_starts_no_ranks(monkeypatch):
     monkeypatch.setenv("PMIX_RANK", "0")
     assert launcher.chosen_ranks(10**6, None) == 1
+
+
+def test_under_mpirun_there_are_ranks_already(scene, tmp_path):
+    (done,) = results_on((2,), pdvol_on_ranks, "run", scene, "--out", tmp_path / "run", "--ranks", 2)
+    assert done["code"] == 2 and "leave out mpirun" in str(done["said"])
 
 
 def test_a_busy_core_is_not_idle():

@@ -78,20 +78,3 @@ def test_the_documented_material_and_regions_run(beam, plain, capsys):
     said = ("FixedCorotational, young 1e+06 Pa", "Muscle", "fibres 100000", "young 2e+10 Pa", "plane strain")
     assert all(part in told for part in said) and "damping" not in told
     assert run(["metrics", str(beam / "plain")]) == 0
-
-
-def test_damping_takes_energy(beam, plain):
-    """After as long the damped beam has sunk less far; its log says what damping does."""
-    loose, damped = plain[0], sag(beam, "damped", "--levels", "0", "--set", "fibres=0.0", "--set", "damping=1.0")[0]
-    assert loose < 1.5 * damped < 0.0
-    (level,) = open_run(beam / "damped").levels
-    assert all(record["energy"]["damping"] > 0.0 for record in level.log)
-    assert "damping" not in open_run(beam / "plain").levels[0].log[0]["energy"]
-
-
-def test_another_law_is_another_scene(beam, plain, material, capsys):
-    """A run is not resumed with a law that has changed meanwhile."""
-    changed = beam / "changed.py"
-    changed.write_text(SCENE.format(material=material.replace("/ 4", "/ 8")))
-    assert run(["run", str(changed), "--out", str(beam / "plain"), "--set", "fibres=0.0", "--resume"]) == 2
-    assert "psi" in capsys.readouterr().err

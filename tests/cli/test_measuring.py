@@ -208,22 +208,6 @@ def test_a_run_that_is_prolonged_exactly(tmp_path, name):
     assert result["levels"][1]["projection"] == {"rank": 16, "columns": 16}
 
 
-def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path):
-    """The coarse level has more vertices than the fine one. The report gives a rank below the number of columns, and no
-    value is infinite.
-    """
-    meshes = [box(2, 5), box(2, 2)]
-    with RunWriter.create(
-        tmp_path / "run", {"scene": "made", "dt": 0.1, "steps": 1, "method": "direct"}, meshes, ["b"]
-    ) as run:
-        for step in range(2):
-            for level, mesh in enumerate(meshes):
-                run.write_state(level, step, mesh.points * (1 + 0.1 * step))
-    level = measured(tmp_path / "run")["levels"][1]
-    assert level["projection"] == {"rank": 9, "columns": 36}
-    assert max(level["consistency"]) < 1e-20
-
-
 def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys):
     run = shutil.copytree(folder / "direct", tmp_path / "run")
     lines = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]

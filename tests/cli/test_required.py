@@ -120,7 +120,6 @@ print(*sorted(name for name in sys.modules if name.startswith("pdvol.potentials.
 CALLS = {
     "run": "assert run(['run', 'disc.py', '--set', 'levels=2', '-o', 'out', '--no-picture']) == 0",
     "check": "assert run(['check', 'disc.py']) == 0",
-    "a run in memory": "pdvol.run(scene, progress=False)",
     "march": "assert len(list(pdvol.march(scene))) == 2",
 }
 

@@ -172,16 +172,3 @@ def test_a_killed_study_goes_on_and_gives_the_same_points(folder, tmp_path):
     assert mine.keys() >= {key for key in before if "_" not in key[0]}
     for key in mine.keys() & before.keys():
         assert mine[key] == before[key]
-
-
-@pytest.mark.slow
-def test_options_of_every_axis_reach_the_runs(tmp_path):
-    """An unchanged scene, whose named settings are stored in run.json."""
-    write(tmp_path / "fall.py", FALL)
-    values = ("friction.iterations=2", "linear_rtol=0.01", "dhat=0.001")
-    varied = [word for value in values for word in ("--vary", value)]
-    words = ("--steps", 2, *varied, "--budget", 3, "--levels", "0:0", "--reference", "dt=0.01")
-    assert pdvol("study", tmp_path / "fall.py", "-o", tmp_path / "s", *words) == 0
-    for name, value in (("friction.iterations", 2), ("linear_rtol", 0.01), ("dhat", 0.001)):
-        run = open_run(tmp_path / "s" / "runs" / f"{name}-{value}")
-        assert run.info["parameters"] == {name: value} and np.isfinite(run.levels[0].positions(2)).all()

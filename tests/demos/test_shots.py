@@ -1,16 +1,12 @@
 """What levels of shots cost, how near bodies come, and which pages are older than the solver."""
 
-import hashlib
-import zlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.common.commits import MissingObject
 from benchmarks.common.tables import number
 from demos.gallery.__main__ import PAGES, main
-from demos.gallery.check import table_of_ages
 from demos.gallery.entries import Entry, Variant
 from demos.gallery.shots import commits, costs, read_costs, table_of_shots, write_costs
 from demos.gallery.shown import ENTRIES
@@ -84,70 +80,6 @@ def test_a_variant_is_the_same_demo():
         {"young": 1e8},
     )
     assert other.title == "A tower melts and sets: A stiff one" and other.rows == (other,)
-
-
-class Commits:
-    """A repository of loose objects in a folder."""
-
-    def __init__(self, folder):
-        self.git = folder / ".git"
-        self.git.mkdir(parents=True)
-
-    def object(self, kind, content):
-        data = f"{kind} {len(content)}\0".encode() + content
-        name = hashlib.sha1(data).hexdigest()
-        path = self.git / "objects" / name[:2] / name[2:]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(zlib.compress(data))
-        return name
-
-    def tree(self, files):
-        entries = b""
-        for name, content in sorted(files.items()):
-            folder = isinstance(content, dict)
-            child = self.tree(content) if folder else self.object("blob", content.encode())
-            entries += f"{40000 if folder else 100644} {name}\0".encode() + bytes.fromhex(child)
-        return self.object("tree", entries)
-
-    def commit(self, files, *parents):
-        lines = [f"tree {self.tree(files)}", *(f"parent {parent}" for parent in parents), "author nobody"]
-        name = self.object("commit", ("\n".join(lines) + "\n\nAdd\n").encode())
-        (self.git / "HEAD").write_text(name + "\n")
-        return name
-
-
-def files(solver="1", drop="1", page="1"):
-    pdvol = {"solve": {"newton.py": solver}, "commands": {"run.py": page}, "runs": {"launcher.py": page}}
-    return {"pdvol": pdvol, "forms": {"a.py": "1"}, "demos": {"drop.py": drop}, "docs": {"a.md": page}}
-
-
-def test_ages_of_pages(tmp_path):
-    made = Commits(tmp_path)
-    first = made.commit(files())
-    second = made.commit(files(drop="2"), first)
-
-    def row(at=second, directly=""):
-        entry = kept(tmp_path, "drop", made=at[:7], directly=directly[:7])
-        return table_of_ages((entry,), tmp_path, tmp_path).splitlines()[2].strip("| ").split(" | ")
-
-    assert row() == ["drop", second[:7], "-", "nothing"]
-    made.commit(files(drop="2", page="2"), second)
-    assert row()[-1] == "nothing", "a change of pages, commands and ranks makes nothing older"
-    made.commit(files(solver="1  # one", drop="2  # two", page="2"), second)
-    assert row()[-1] == "nothing", "nor does a comment"
-    side = made.commit(files(solver="2", drop="2"), second)
-    made.commit(files(solver="2", drop="2", page="2"), second, side)
-    for at, directly, older in (
-        (side, "", "nothing"),
-        (second, "", "the run (pdvol/solve changed since)"),
-        (first, "", "the run (pdvol/solve, demos/drop.py changed since)"),
-        ("0" * 7, "", "the run (its commit is not in this repository)"),
-        (side, first, "the direct run (pdvol/solve, demos/drop.py changed since)"),
-        (second, second, "the run (pdvol/solve changed since); the direct run (pdvol/solve changed since)"),
-    ):
-        assert row(at, directly)[-1] == older
-    with pytest.raises(MissingObject):
-        table_of_ages((), tmp_path, tmp_path / "docs")
 
 
 def test_check_says_of_each_page_which_commit_it_is_of(capsys):

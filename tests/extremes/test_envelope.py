@@ -88,6 +88,3 @@ def test_the_command(tmp_path, capsys):
     code, done = extremes.main([*words, "mu_0"]), capsys.readouterr()
     assert code == 0, done.err
     assert [line.split(" | ")[0] for line in done.out.splitlines() if "| full time |" in line] == ["| mu_0"]
-    code, refused = extremes.main([*words, "nothing"]), capsys.readouterr().err
-    assert code == 2 and refused.count("\n") == 1
-    assert refused.startswith("benchmarks.extremes: ")

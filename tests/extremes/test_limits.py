@@ -59,8 +59,7 @@ def test_a_cube_on_a_slope_creeps_as_the_smoothing_says(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [("spin_1000", "which a step cannot resolve"), ("dhat_2.5_sizes", "is larger than the body")],
+    ("name", "words"), [("spin_1000", "which a step cannot resolve"), ("dhat_2.5_sizes", "is larger than the body")]
 )
 def test_what_no_step_can_resolve_is_refused(tmp_path, name, words):
     with pytest.raises(pdvol.InputError, match=words):

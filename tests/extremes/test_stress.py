@@ -3,12 +3,14 @@ take their first steps.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pdvol
+from benchmarks.common.first_order import first_order
 from benchmarks.stress import __main__ as stress
 from benchmarks.stress import scenes
 from pdvol.levels.initial_state import check_start
@@ -16,7 +18,7 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.measure.verify import verify_run
 from pdvol.meshing.build import build_levels
 from pdvol.runs.runner import run_scene
-from pdvol.runs.scene_file import load_shot
+from pdvol.runs.scene_file import Shot, load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "benchmarks" / "stress" / "scenes.py"
@@ -56,14 +58,16 @@ def test_erlebens_pairs_come_to_touch(tmp_path, name):
     assert max(json.loads(line)["contacts"] for line in (out / "log.jsonl").read_text().splitlines()) > 0
 
 
-def test_the_arch_stands(tmp_path):
-    """Friction holds it: after a tenth of a second its stones have hardly moved, and have not gathered speed."""
-    out = tmp_path / "run"
-    run_scene(load_shot(FILE, {"name": "masonry_arch"}, 10), out, xdmf=False)
+def test_an_arch_stands(tmp_path):
+    """Of seven stones. Friction holds it: after a twentieth of a second they have hardly moved, and have not gathered
+    speed; without friction the speed is 7 mm/s by then.
+    """
+    out, scene = tmp_path / "run", first_order(scenes.masonry_arch(7))
+    run_scene(Shot(None, {}, replace(scene, steps=5)), out, xdmf=False)
     assert verify_run(out) == []
     (level,) = pdvol.open_run(out).levels
-    assert np.abs(level.positions(10) - level.rest).max() < 1e-3
-    assert np.abs(level.velocities(10)).max() < 2.71e-3
+    assert np.abs(level.positions(5) - level.rest).max() < 1e-3
+    assert np.abs(level.velocities(5)).max() < 2.71e-3
 
 
 def test_the_command(tmp_path, capsys):
@@ -72,6 +76,3 @@ def test_the_command(tmp_path, capsys):
     assert code == 0, done.err
     (row,) = [line for line in done.out.splitlines() if line.startswith("| erleben_cube_cliff | 8 | 6 | 0.005 |")]
     assert "time limit" in row or "full time" in row
-    code, refused = stress.main([*words, "nothing"]), capsys.readouterr().err
-    assert code == 2 and refused.count("\n") == 1
-    assert refused.startswith("benchmarks.stress: ")

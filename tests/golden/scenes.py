@@ -23,9 +23,7 @@ from pdvol import (
     Translation,
     meshes,
 )
-from pdvol import (
-    Path as Keyframes,
-)
+from pdvol import Path as Keyframes
 
 STORED = np.load(Path(__file__).with_name("meshes.npz"))
 

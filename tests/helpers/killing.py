@@ -25,3 +25,24 @@ class FileOperations:
             self.count += 1
             if self.count == self.deadly:
                 os.kill(os.getpid(), signal.SIGKILL)
+
+
+class PressesCtrlC:
+    """What follows the steps of a run, until it interrupts the one of number `steps`."""
+
+    def __init__(self, steps: int):
+        self.left = steps
+
+    def __call__(self, level: int, steps: int, done: int) -> "PressesCtrlC":
+        return self
+
+    def step(self, record: dict) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+
+    def lasts(self, record: dict) -> None:
+        pass
+
+    def close(self) -> None:
+        pass

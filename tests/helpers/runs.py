@@ -1,9 +1,12 @@
 """Small made-up runs: a disc in 2D, a ball in 3D, falling, turning and squashed on the ground; no solver involved."""
 
+import json
+
 import numpy as np
 from scipy.spatial import Delaunay
 
 from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
+from pdvol.store.reader import open_run
 from pdvol.store.states import HEAD, HEADER, NAME, States
 from pdvol.store.writer import RunWriter
 from shapes import together
@@ -155,3 +158,13 @@ def flip_bit(folder, step):
     data = bytearray(states.file.read_bytes())
     data[HEADER.size + (step + 1) * (HEAD.size + 8 * np.prod(states.shape)) - 3] ^= 1
     states.file.write_bytes(data)
+
+
+def assert_same_runs(one, other, logs: bool = True):
+    """All states of two runs are the same to the last bit, and what their logs say besides times."""
+    timeless = lambda level: [{k: v for k, v in r.items() if k not in ("seconds", "peak_memory_mb")} for r in level.log]
+    for a, b in zip(open_run(one).levels, open_run(other).levels, strict=True):
+        assert a.steps == b.steps, f"level {a.index}"
+        for step in range(a.steps):
+            np.testing.assert_array_equal(a.positions(step), b.positions(step), err_msg=f"level {a.index}, {step}")
+        assert not logs or json.dumps(timeless(a), default=float) == json.dumps(timeless(b), default=float)

@@ -56,7 +56,6 @@ VARIANTS: dict[str, tuple] = {
     "tracks": (FALL, "--method", "tracks", "--set", "weight=0.2", *STRICT),
     "embedded": (FALL, "--method", "embedded", "--prolongation", "phong", *STRICT),
     "biharmonic": (FALL, "--prolongation", "biharmonic", *STRICT),
-    "phong": (FALL, "--prolongation", "phong", *STRICT),
     "bent": (BENT,),
     "terms": (TERMS,),
 }

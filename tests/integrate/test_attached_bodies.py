@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from on_ranks import results_on
-from pdvol.integrate.integrator import past_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import Attachment, Barrier, Gravity, NeoHookean, Plane, Solver, Support
@@ -85,26 +84,6 @@ def test_a_spring_breaks_at_its_force_and_stays_broken(integrator):
         assert report.terms == ({} if number < bore else {"attachment": {"broken": [0, 1]}})
     assert all(report.energy["attachment"] > 0.0 for report in reports[:bore])
     assert reports[-1].energy["attachment"] == 0.0
-
-
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_an_interrupted_march_goes_on_to_the_last_bit(integrator):
-    """Springs tear one after the other; what has torn is in the log's record."""
-    scene, mesh, velocity = torn()
-    integrator = INTEGRATORS[integrator]()
-    whole = march(scene, mesh, velocity, integrator)
-    torn_by = [len(report.terms.get("attachment", {}).get("broken", ())) for report in whole]
-    assert torn_by[0] == 0 and torn_by[-1] == 6 and len(set(torn_by)) >= 3
-    stop = next(number for number, count in enumerate(torn_by) if count) + 1
-    states = [mesh.points, *(report.positions for report in whole)]
-    stepper = make_stepper(scene, mesh, integrator=integrator)
-    past = past_of(
-        stepper.integrator, states.__getitem__, velocity, stop, scene.dt, lambda step: whole[step - 1].record()
-    )
-    again = list(direct(stepper, Start(stop, past, whole[stop - 1].record()), scene.steps))
-    for one, other in zip(whole[stop:], again, strict=True):
-        assert np.array_equal(one.positions, other.positions)
-        assert one.terms == other.terms
 
 
 def torn():

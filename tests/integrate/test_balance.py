@@ -4,19 +4,7 @@ import numpy as np
 import pytest
 
 import pdvol
-from pdvol import (
-    Barrier,
-    Body,
-    Friction,
-    Gravity,
-    Impulse,
-    NeoHookean,
-    Placement,
-    Plane,
-    Scene,
-    Support,
-    meshes,
-)
+from pdvol import Barrier, Body, Friction, Gravity, Impulse, NeoHookean, Placement, Plane, Scene, Support, meshes
 from pdvol.registry import INTEGRATORS
 
 G, RADIUS, DT, MU = 9.81, 0.1, 0.01, 0.1

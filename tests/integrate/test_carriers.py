@@ -14,17 +14,7 @@ from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.scripted_motion import Carriers
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.meshing.build import read_obstacle
-from pdvol.scene import (
-    Barrier,
-    Friction,
-    Placement,
-    Plane,
-    Rigid,
-    Rotation,
-    Solver,
-    Support,
-    Translation,
-)
+from pdvol.scene import Barrier, Friction, Placement, Plane, Rigid, Rotation, Solver, Support, Translation
 from problems import block, make_scene, make_stepper, masses, tetrahedron
 from shapes import together
 

@@ -53,14 +53,7 @@ def run(problem, steps, velocity=None):
     return np.array([[np.average(r.velocity[:, 0], weights=m) for m in parts] for r in reports]), reports
 
 
-CASES = [
-    (2, "plane", 1),
-    (2, "plane", 4),
-    (2, "rigid", 2),
-    (2, "rigid", 4),
-    (3, "plane", 1),
-    (3, "rigid", 2),
-]
+CASES = [(2, "plane", 1), (2, "plane", 4), (2, "rigid", 2), (2, "rigid", 4), (3, "plane", 1), (3, "rigid", 2)]
 
 
 @pytest.mark.parametrize(("d", "kind", "n"), CASES)

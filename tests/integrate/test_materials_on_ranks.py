@@ -5,31 +5,13 @@ pressure and damping do.
 import numpy as np
 import pytest
 
+import pdvol
 from on_ranks import results_on
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
 from pdvol.registry import ELEMENTS
-from pdvol.scene import (
-    Attachment,
-    Body,
-    FixedCorotational,
-    Flow,
-    Force,
-    Gravity,
-    Impulse,
-    Keyed,
-    Muscle,
-    NeoHookean,
-    PointForce,
-    Pressure,
-    Region,
-    Scene,
-    Solver,
-    StVenantKirchhoff,
-    Support,
-)
 from shapes import box, together
 
 SAME = 1e-9  # of the unit box, over five steps with the direct solver
@@ -46,41 +28,43 @@ def scene_of(d, elements):
     dragged, with a muscle, pushed and hit. Springs lead to a second box, which starts bent: its modulus follows keys, a
     muscle and pressure act in it, and a support lets it go.
     """
-    soft = FixedCorotational(lambda X: 1e5 * (1 + X[:, 1]), density=lambda X: 1000.0 + 500.0 * X[:, 0], damping=0.02)
-    regions = (
-        Region(StVenantKirchhoff(Keyed((0.0, 0.05), (3e5, 6e5))), lambda X: X[:, 0] < 0.4),
-        Region(NeoHookean(1e9), lambda X: X[:, -1] > 0.7),
+    soft = pdvol.FixedCorotational(
+        lambda X: 1e5 * (1 + X[:, 1]), density=lambda X: 1000.0 + 500.0 * X[:, 0], damping=0.02
     )
-    other = NeoHookean(Keyed((0.0, 0.1), (1e5, 5e4)), 0.4, 1000.0, damping=0.01)
+    regions = (
+        pdvol.Region(pdvol.StVenantKirchhoff(pdvol.Keyed((0.0, 0.05), (3e5, 6e5))), lambda X: X[:, 0] < 0.4),
+        pdvol.Region(pdvol.NeoHookean(1e9), lambda X: X[:, -1] > 0.7),
+    )
+    other = pdvol.NeoHookean(pdvol.Keyed((0.0, 0.1), (1e5, 5e4)), 0.4, 1000.0, damping=0.01)
     along, down = tuple(np.eye(d)[0]), (0.0,) * (d - 1) + (-9.81,)
     loads = (
-        Gravity(lambda t: (1.0 + t) * np.array(down)),
-        Flow(along, 1000.0, body="one"),
-        Impulse(along, 0.015, lambda X: X[:, 0] > 0.7, body="one"),
-        Force(lambda t: 1e3 * t * np.ones(d), lambda X: X[:, 1] > 0.5),
-        PointForce(tuple(300.0 * np.eye(d)[-1]), (0.9,) * d, body="one"),
-        Pressure("other", lambda t: 2e5 * t),
+        pdvol.Gravity(lambda t: (1.0 + t) * np.array(down)),
+        pdvol.Flow(along, 1000.0, body="one"),
+        pdvol.Impulse(along, 0.015, lambda X: X[:, 0] > 0.7, body="one"),
+        pdvol.Force(lambda t: 1e3 * t * np.ones(d), lambda X: X[:, 1] > 0.5),
+        pdvol.PointForce(tuple(300.0 * np.eye(d)[-1]), (0.9,) * d, body="one"),
+        pdvol.Pressure("other", lambda t: 2e5 * t),
     )
     waves = lambda t, X: np.maximum(0.0, np.sin(20.0 * (X[:, 0] - t)))
-    return Scene(
+    return pdvol.Scene(
         (
-            Body(("coarse", "fine"), soft, regions=regions, name="one"),
-            Body(("coarse", "fine"), other, start=bent, name="other"),
+            pdvol.Body(("coarse", "fine"), soft, regions=regions, name="one"),
+            pdvol.Body(("coarse", "fine"), other, start=bent, name="other"),
         ),
         dt=0.01,
         steps=5,
         loads=loads,
         supports=(
-            Support(lambda X: X[:, 0] < 1e-9, body="one"),
-            Support(lambda X: X[:, 0] > 2.5 - 1e-9, body="other", release=0.025),
+            pdvol.Support(lambda X: X[:, 0] < 1e-9, body="one"),
+            pdvol.Support(lambda X: X[:, 0] > 2.5 - 1e-9, body="other", release=0.025),
         ),
-        attachments=(Attachment("one", "other", lambda X: X[:, 0] > 0.99, stiffness=1e3),),
+        attachments=(pdvol.Attachment("one", "other", lambda X: X[:, 0] > 0.99, stiffness=1e3),),
         muscles=(
-            Muscle("one", along, 2e4, where=lambda X: X[:, 1] < 0.6),
-            Muscle("other", along, 4e4, waves),
+            pdvol.Muscle("one", along, 2e4, where=lambda X: X[:, 1] < 0.6),
+            pdvol.Muscle("other", along, 4e4, waves),
         ),
         elements=elements,
-        solver=Solver(tolerance=1e-6, linear="direct"),
+        solver=pdvol.Solver(tolerance=1e-6, linear="direct"),
     )
 
 

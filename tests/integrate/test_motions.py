@@ -9,19 +9,7 @@ from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of, find_crossings
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import LEAST_GAIN
-from pdvol.scene import (
-    Barrier,
-    Gravity,
-    Path,
-    Plane,
-    Rigid,
-    Rotation,
-    Sequential,
-    Solver,
-    Support,
-    Translation,
-    moved,
-)
+from pdvol.scene import Barrier, Gravity, Path, Plane, Rigid, Rotation, Sequential, Solver, Support, Translation, moved
 from problems import block, make_scene, make_stepper, march, polyline, tetrahedron
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])

@@ -201,11 +201,7 @@ def disc(rings=3, around=24):
 
 @pytest.mark.parametrize(
     ("motion", "name", "kept"),
-    [
-        ("kick", "implicit_euler", (0.0, 0.1)),
-        ("kick", "bdf2", (0.6, 1.0)),
-        ("roll", "bdf2", (0.94, 1.0)),
-    ],
+    [("kick", "implicit_euler", (0.0, 0.1)), ("kick", "bdf2", (0.6, 1.0)), ("roll", "bdf2", (0.94, 1.0))],
 )
 def test_a_ball_that_touches_the_ground_does_not_ring(motion, name, kept):
     """A soft ball that lies on the ground is kicked down by 2 cm/s, or rolls with 1 m/s, for 0.6 s. Its material damps

@@ -271,19 +271,6 @@ def test_a_density_that_is_not_a_number_is_named():
         take_step(problem, 1, mesh.points, np.zeros_like(mesh.points))
 
 
-def test_pairs_that_are_not_numbers_are_named_too():
-    """Through `add_pairs`, as contact adds them."""
-    problem, x, v = falling()
-
-    class Pairs(Poison):
-        def add_hessian(self, x, weight, into):
-            into.add_pairs(np.array([0]), np.array([1]), self._or_bad("Hessian", np.zeros((1, 2, 2))))
-
-    problem.potential.terms = (*problem.potential.terms, Pairs("Hessian", np.nan, 1))
-    with pytest.raises(ConvergenceError, match="level 0, step 1: the consistency term's Hessian is not a number"):
-        take_step(problem, 1, x, v)
-
-
 def test_velocities_that_are_not_numbers_end_the_step():
     problem, x, v = falling()
     with pytest.raises(ConvergenceError, match="level 0, step 1: the inertia term's gradient is not a number|inertia"):

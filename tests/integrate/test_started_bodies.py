@@ -7,32 +7,22 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
 
+import pdvol
 from pdvol.integrate.integrator import BDF2, advance
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
-from pdvol.scene import (
-    Attachment,
-    Body,
-    FixedCorotational,
-    NeoHookean,
-    Solver,
-    StVenantKirchhoff,
-    Support,
-    TakeOver,
-    Translation,
-    lame,
-)
+from pdvol.scene import lame
 from pdvol.scene.point_caches import PointCache
 from problems import block, elastic, make_model, make_scene, make_stepper, masses
 from shapes import box, together
 
 YOUNG, DENSITY = 1e5, 1000.0
-TIGHT = Solver(tolerance=1e-9, linear="direct")
+TIGHT = pdvol.Solver(tolerance=1e-9, linear="direct")
 LAWS = {  # energy densities [Pa] where one axis is stretched by s, and the others are not
-    NeoHookean: lambda s, mu, lmbda: mu / 2 * (s**2 - 1) - mu * np.log(s) + lmbda / 2 * np.log(s) ** 2,
-    StVenantKirchhoff: lambda s, mu, lmbda: (mu + lmbda / 2) * ((s**2 - 1) / 2) ** 2,
-    FixedCorotational: lambda s, mu, lmbda: (mu + lmbda / 2) * (s - 1) ** 2,
+    pdvol.NeoHookean: lambda s, mu, lmbda: mu / 2 * (s**2 - 1) - mu * np.log(s) + lmbda / 2 * np.log(s) ** 2,
+    pdvol.StVenantKirchhoff: lambda s, mu, lmbda: (mu + lmbda / 2) * ((s**2 - 1) / 2) ** 2,
+    pdvol.FixedCorotational: lambda s, mu, lmbda: (mu + lmbda / 2) * (s - 1) ** 2,
 }
 
 
@@ -76,7 +66,7 @@ def test_a_stretched_bar_that_is_let_go_swings_as_waves_do():
     run inward that leave no strain, and material that moves by c times the strain: the length falls evenly, is that at
     rest at t = L / (2 c), where all energy is that of motion, and is shortest at L / c.
     """
-    material, length, strain, speed = NeoHookean(YOUNG, 0.0, DENSITY), 1.0, 0.01, np.sqrt(YOUNG / DENSITY)
+    material, length, strain, speed = pdvol.NeoHookean(YOUNG, 0.0, DENSITY), 1.0, 0.01, np.sqrt(YOUNG / DENSITY)
     mesh, steps = block((0.0, 0.0), (length, 0.04), (100, 1)), 400
     scene = make_scene((material,), dt=length / speed / steps, steps=steps, solver=TIGHT)
     stepper = make_stepper(starting(scene, stretched(1.0 + strain, 1.0)), mesh, integrator=BDF2())
@@ -100,10 +90,10 @@ def test_supports_hold_a_stretched_bar_where_it_starts(d):
     (mu, lmbda), s = lame(YOUNG, 0.4), 1.5
     q = brentq(lambda q: mu * (q - 1 / q) + lmbda * np.log(s * q ** (d - 1)) / q, 0.3, 1.5, xtol=1e-15)
     pull = mu * (s - 1 / s) + lmbda * np.log(s * q ** (d - 1)) / s
-    material, across = NeoHookean(YOUNG, 0.4, DENSITY), (q,) * (d - 1)
+    material, across = pdvol.NeoHookean(YOUNG, 0.4, DENSITY), (q,) * (d - 1)
     mesh = block((0.0,) * d, (1.0, 0.2, 0.2)[:d], (6, 2, 2)[:d])
     ends = (lambda X: X[:, 0] < 1e-9, lambda X: X[:, 0] > 1.0 - 1e-9)
-    scene = make_scene((material,), dt=0.01, steps=5, solver=TIGHT, supports=tuple(map(Support, ends)))
+    scene = make_scene((material,), dt=0.01, steps=5, solver=TIGHT, supports=tuple(map(pdvol.Support, ends)))
     stepper = make_stepper(starting(scene, stretched(s, *across)), mesh)
     for past in march(stepper, 5):
         np.testing.assert_allclose(past[0].positions, mesh.points * (s, *across), atol=1e-9)
@@ -119,8 +109,8 @@ def test_motions_of_supports_begin_where_the_body_starts():
     mesh = block((0.0, 0.0), (1.0, 0.2), (5, 1))
     end = lambda X: X[:, 0] > 1.0 - 1e-9
     own = lambda X, t: X * (1.0 + t)
-    for motion, expected in ((Translation((1.0, 0.0)), (2.5, 1.0)), (own, (3.0, 2.0))):
-        scene = make_scene((NeoHookean(YOUNG),), steps=1, supports=(Support(end, motion=motion),))
+    for motion, expected in ((pdvol.Translation((1.0, 0.0)), (2.5, 1.0)), (own, (3.0, 2.0))):
+        scene = make_scene((pdvol.NeoHookean(YOUNG),), steps=1, supports=(pdvol.Support(end, motion=motion),))
         (held,) = make_model(starting(scene, lambda X: X * (1.5, 1.0) + (0.0, 1.0)), mesh).supports
         np.testing.assert_array_equal(np.flatnonzero(held.mask), np.flatnonzero(end(mesh.points)))
         lowest = held.at(1.0)[np.argmin(held.points[:, 1])]
@@ -131,8 +121,8 @@ def test_motions_of_supports_begin_where_the_body_starts():
 def test_a_spin_turns_about_the_centre_at_the_start(d):
     """And velocities that are functions are asked at rest positions."""
     mesh, shift = box(d, 2), np.arange(1.0, d + 1.0)
-    body = Body(("grid",), NeoHookean(YOUNG), velocity=lambda X: X, spin=2.0 if d == 2 else (0.0, 0.0, 2.0))
-    scene = starting(replace(make_scene((NeoHookean(YOUNG),)), bodies=(body,)), lambda X: 3.0 * X + shift)
+    body = pdvol.Body(("grid",), pdvol.NeoHookean(YOUNG), velocity=lambda X: X, spin=2.0 if d == 2 else (0.0, 0.0, 2.0))
+    scene = starting(replace(make_scene((pdvol.NeoHookean(YOUNG),)), bodies=(body,)), lambda X: 3.0 * X + shift)
     model = make_model(scene, mesh)
     x, y = (model.start - (1.5 + shift)).T[:2]
     turning = np.column_stack([-2.0 * y, 2.0 * x, *([0.0 * x] * (d - 2))])
@@ -144,8 +134,8 @@ def test_an_animation_is_taken_over_where_the_body_starts():
     bent = lambda X: X + np.column_stack([X[:, 1] ** 2, 0.0 * X[:, 1:]])
     frames = np.array([bent(mesh.points), bent(mesh.points) + (0.0, 0.2, 0.0)]) - (0.0, 0.2, 0.0)
     cache = PointCache(frames, times=(0.0, 0.1), faces=mesh.boundary, tolerance=1e-6)
-    body = Body(("grid",), NeoHookean(YOUNG), velocity=TakeOver(cache), start=bent)
-    model = make_model(replace(make_scene((NeoHookean(YOUNG),)), bodies=(body,)), mesh)
+    body = pdvol.Body(("grid",), pdvol.NeoHookean(YOUNG), velocity=pdvol.TakeOver(cache), start=bent)
+    model = make_model(replace(make_scene((pdvol.NeoHookean(YOUNG),)), bodies=(body,)), mesh)
     np.testing.assert_allclose(model.velocity, np.tile((0.0, 2.0, 0.0), (len(mesh.points), 1)), atol=1e-12)
 
 
@@ -158,8 +148,8 @@ def test_springs_lead_to_the_nearest_place_at_the_start_and_have_that_length(d):
     up = np.eye(d)[1]
     over = lambda X: np.column_stack([3.0 - X[:, 0], 3.0 - X[:, 1], *(X[:, 2:].T - 2.0)]) + 1.5 * up
     scene = make_scene(
-        2 * (NeoHookean(YOUNG),),
-        attachments=(Attachment("body 0", "body 1", lambda X: X[:, 1] > 1.0 - 1e-9, stiffness=10.0),),
+        2 * (pdvol.NeoHookean(YOUNG),),
+        attachments=(pdvol.Attachment("body 0", "body 1", lambda X: X[:, 1] > 1.0 - 1e-9, stiffness=10.0),),
     )
     (springs,) = make_model(starting(scene, None, over), mesh).springs
     np.testing.assert_allclose(springs.rest_length, 0.5, rtol=1e-12)

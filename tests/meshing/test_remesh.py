@@ -66,7 +66,7 @@ def test_a_support_by_place_holds_the_same_face_on_every_level(name, tmp_path):
     shape, axis, size = SHAPES[name]
     points = place_of(shape)
     scene = Scene(
-        (Body(shape, NeoHookean(1e5), (150, 400, 900)),),
+        (Body(shape, NeoHookean(1e5), (150, 400)),),
         supports=[Support(lambda X: np.isclose(X[:, axis], points[:, axis].min()))],
         dt=0.01,
         steps=1,
@@ -77,12 +77,18 @@ def test_a_support_by_place_holds_the_same_face_on_every_level(name, tmp_path):
         facets = mesh.boundary[chosen[mesh.boundary].all(axis=1)]
         assert np.ptp(mesh.points[facets][..., axis]) < 1e-9
         held.append(facet_sizes(mesh.points, facets).sum())
-    assert held == pytest.approx([np.mean(held) if size is None else size] * 3, rel=1e-9 if size else 0.1)
+    assert held == pytest.approx([np.mean(held) if size is None else size] * 2, rel=1e-9 if size else 0.1)
 
 
-@pytest.mark.parametrize("target", [100, 300, 1000])
 @pytest.mark.parametrize(
-    "shape", [solid_boundary(BAR, "bar"), meshes.box(), meshes.box((0.9, 0.9, 0.02)), meshes.ball()]
+    ("shape", "target"),
+    [
+        (solid_boundary(BAR, "bar"), 100),
+        (solid_boundary(BAR, "bar"), 300),
+        (meshes.box(), 100),
+        (meshes.box((0.9, 0.9, 0.02)), 300),
+        (meshes.ball(), 1000),
+    ],
 )
 def test_counts_and_cells_of_remeshed_solids(shape, target):
     made = remesh(shape, target)
@@ -125,12 +131,10 @@ def test_decimated_shapes_keep_flat_faces_too():
     assert np.isclose(made.points[:, 1], -0.5, atol=1e-12).sum() > 15
 
 
-@pytest.mark.parametrize("band", [0.0, 1e-6])
-def test_a_bar_sags_alike_on_coarse_and_fine_levels(band):
+def test_a_bar_sags_alike_on_coarse_and_fine_levels():
     """Held at its end by `np.isclose`, or by all that is as far out: 300 vertices sag within 5 % of 2,500."""
-    where = (lambda X: X[:, 0] < X[:, 0].min() + band) if band else (lambda X: np.isclose(X[:, 0], -0.5))
     sags = []
-    for count in (300, 2500):
+    for count, where in ((300, lambda X: X[:, 0] < X[:, 0].min() + 1e-6), (2500, lambda X: np.isclose(X[:, 0], -0.5))):
         scene = Scene(
             (Body(BAR, NeoHookean(1e5, 0.3), (count,)),),
             supports=[Support(where)],

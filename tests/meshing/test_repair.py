@@ -1,6 +1,7 @@
 """`repair` unites what crosses, keeps what was given, says what changed, and refuses what it cannot mend."""
 
 import re
+from itertools import product
 from pathlib import Path
 
 import igl
@@ -14,6 +15,7 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.meshes import Surface, ball, box
 from pdvol.meshing.repair import repair
 from pdvol.meshing.verdict import judge
+from pdvol.meshing.weld import weld_open
 
 CASES = Path(__file__).parents[2].parent / "shared" / "cases"
 BALL = ball(1.0, 3)
@@ -74,8 +76,12 @@ def solid_at(parts, name, queries):
     return np.any(around, axis=0)
 
 
-@pytest.mark.parametrize("placed", ["as given", "rotated, six digits"])
-@pytest.mark.parametrize("name", CROSSING)
+ROTATED = ("a slanting limb", "a cavity and a limb", "the same side")
+
+
+@pytest.mark.parametrize(
+    ("name", "placed"), [*product(CROSSING, ["as given"]), *product(ROTATED, ["rotated, six digits"])]
+)
 def test_shells_that_cross_are_united(name, placed):
     """The result holds exactly the points that the parts hold, found by each part alone; its box is theirs."""
     parts, count = CROSSING[name]
@@ -126,6 +132,13 @@ def test_prisms_that_meet_along_an_edge_become_two_shells():
     judge(result, "prisms")
     assert done[0] == "4 vertices made of those in which parts met" and "shells 1 -> 2" in done[-1]
     assert enclosed_volume(result.vertices, result.triangles) == pytest.approx(2.0, rel=2e-3)
+
+
+def test_triangles_that_meet_at_a_corner_alone_are_not_welded():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0], [-1, 0, 0], [0, -1, 0]], dtype=float)
+    surface = Surface(points, np.arange(6, dtype=np.int32).reshape(2, 3))
+    welded, notes = weld_open(surface)
+    assert welded is surface and notes == []
 
 
 def test_changes_beyond_the_envelope_are_refused():

@@ -2,6 +2,8 @@
 again.
 """
 
+from itertools import product
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -24,9 +26,9 @@ KEYS = Keyed((1.0, 3.0), (2.0, 6.0))
 SECOND = 5.0  # Pa: Young's modulus of the other body
 
 
-@pytest.mark.parametrize("elements", ELEMENTS)
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize(
+    ("d", "law", "elements"), [*product([2], LAWS, ELEMENTS), *product([3], [NeoHookean], ELEMENTS)]
+)
 def test_each_time_has_its_own_material(d, law, elements):
     """Value, gradient, Hessian and stress at t = 2.5 s are those of 5 Pa in one body, and of the other's own."""
     space = LevelSpace(together(box(d, 2, jitter=0.1), box(d, 1, 2.0, 3.0)), MPI.COMM_SELF)

@@ -152,10 +152,7 @@ def test_a_cell_cannot_invert_where_means_would_let_it(d):
 def test_a_block_that_is_crushed_keeps_its_cells(d, elements):
     """A law that gives way, pressed to a quarter of its height."""
     up = np.eye(d)[-1]
-    supports = (
-        Support(lambda X: X[:, -1] < 0.1),
-        Support(lambda X: X[:, -1] > 0.9, motion=Translation(tuple(-up))),
-    )
+    supports = (Support(lambda X: X[:, -1] < 0.1), Support(lambda X: X[:, -1] > 0.9, motion=Translation(tuple(-up))))
     scene = make_scene((StVenantKirchhoff(1e5, 0.3),), dt=0.05, supports=supports, elements=elements)
     mesh = block((0.0,) * d, (1.0,) * d, 3, jitter=0.05)
     for report in march(make_stepper(scene, mesh), 15):

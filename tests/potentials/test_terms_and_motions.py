@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+import pdvol
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms, build_terms
@@ -16,28 +17,7 @@ from pdvol.potentials.consistency import Guide
 from pdvol.potentials.elasticity import CellGuard
 from pdvol.potentials.potential import Earlier, Positions, Rates
 from pdvol.registry import ELEMENTS
-from pdvol.scene import (
-    Attachment,
-    Barrier,
-    FixedCorotational,
-    Flow,
-    Force,
-    Friction,
-    Gravity,
-    Material,
-    Muscle,
-    NeoHookean,
-    Path,
-    Plane,
-    PointForce,
-    Pressure,
-    Rigid,
-    Rotation,
-    Still,
-    StVenantKirchhoff,
-    Translation,
-    rotation_matrix,
-)
+from pdvol.scene import rotation_matrix
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.report import Stopwatch
 from problems import make_model, make_scene
@@ -52,18 +32,18 @@ ROUND = 1e-10  # relative size of what should cancel
 
 
 def turned(d):
-    return Rotation(0.1, (5.0, -1.0, 0.4)[:d], (0.3, -0.2, 1.0))
+    return pdvol.Rotation(0.1, (5.0, -1.0, 0.4)[:d], (0.3, -0.2, 1.0))
 
 
 def shifted(d, stop=np.inf):
-    return Translation((0.4, 0.1, -0.2)[:d], stop)
+    return pdvol.Translation((0.4, 0.1, -0.2)[:d], stop)
 
 
 MOTIONS = {  # the motion of all obstacles, and its own time [s] at the step's start and end
-    "none": (lambda d: Still(), T0, T0 + DT),
+    "none": (lambda d: pdvol.Still(), T0, T0 + DT),
     "translation": (shifted, T0, T0 + DT),
     "rotation": (turned, T0, T0 + DT),
-    "path": (lambda d: Path((0.0, 1.0, 2.0), np.eye(3)[:, :d] * 0.3, smooth=True), T0, T0 + DT),
+    "path": (lambda d: pdvol.Path((0.0, 1.0, 2.0), np.eye(3)[:, :d] * 0.3, smooth=True), T0, T0 + DT),
     "held back": (turned, T0, T0 + 0.3 * DT),
     "stopped": (shifted, T0, T0),
     "late": (turned, T0 - 0.5 * DT, T0 + DT),
@@ -132,7 +112,7 @@ class Built:
     far : (n, d) [m] where all that touches slides
     """
 
-    def __init__(self, d, motion, ground, law=NeoHookean, order=1, elements="linear"):
+    def __init__(self, d, motion, ground, law=pdvol.NeoHookean, order=1, elements="linear"):
         make, begin, end = MOTIONS[motion]
         move, up = make(d), np.eye(d)[-1]
         mesh, positions, pit = placed(d)
@@ -141,18 +121,22 @@ class Built:
             (law(3e3, 0.3, 10.0, damping=0.01),) * 2,
             elements=elements,
             loads=(
-                Gravity(tuple(-9.8 * up)),
-                Force(tuple(3.0 * up), body="body 0"),
-                PointForce(tuple(np.ones(d)), tuple(mesh.points[0]), "body 0"),
-                Pressure("body 0", 40.0),
-                Flow(tuple(np.ones(d)), 10.0, body="body 1"),
+                pdvol.Gravity(tuple(-9.8 * up)),
+                pdvol.Force(tuple(3.0 * up), body="body 0"),
+                pdvol.PointForce(tuple(np.ones(d)), tuple(mesh.points[0]), "body 0"),
+                pdvol.Pressure("body 0", 40.0),
+                pdvol.Flow(tuple(np.ones(d)), 10.0, body="body 1"),
             ),
-            muscles=(Muscle("body 1", tuple(np.eye(d)[0]), 500.0),),
-            attachments=(Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.7, stiffness=30.0, rest_length=0.5),),
+            muscles=(pdvol.Muscle("body 1", tuple(np.eye(d)[0]), 500.0),),
+            attachments=(
+                pdvol.Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.7, stiffness=30.0, rest_length=0.5),
+            ),
             obstacles=(
-                Plane((0.0,) * d, tuple(up), move) if ground == "plane" else Rigid("pit", motion=move, closed=False),
+                pdvol.Plane((0.0,) * d, tuple(up), move)
+                if ground == "plane"
+                else pdvol.Rigid("pit", motion=move, closed=False),
             ),
-            contact=(Barrier(dhat=DHAT), Friction(MU, eps_v=EPS_V)),
+            contact=(pdvol.Barrier(dhat=DHAT), pdvol.Friction(MU, eps_v=EPS_V)),
         )
         model = make_model(scene, mesh, [pit] if ground == "surface" else [])
         script = Script()
@@ -225,7 +209,7 @@ def test_exact_derivatives_and_projected_signs(d, motion, order):
 
 
 @dataclass(frozen=True)
-class Fibred(Material):
+class Fibred(pdvol.Material):
     """A law of a user's own, which is not isotropic."""
 
     fibres: float = 5e3
@@ -233,10 +217,10 @@ class Fibred(Material):
     @staticmethod
     def psi(F, mu, lmbda, fibres):
         stretched = sum(F[i, 0] ** 2 for i in range(F.ufl_shape[0]))
-        return NeoHookean.psi(F, mu, lmbda) + fibres / 4 * (stretched - 1) ** 2
+        return pdvol.NeoHookean.psi(F, mu, lmbda) + fibres / 4 * (stretched - 1) ** 2
 
 
-LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational, Fibred]
+LAWS = [pdvol.NeoHookean, pdvol.StVenantKirchhoff, pdvol.FixedCorotational, Fibred]
 
 
 @pytest.mark.parametrize("elements", ELEMENTS)

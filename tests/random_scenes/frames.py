@@ -6,37 +6,7 @@ from functools import singledispatch
 
 import numpy as np
 
-from pdvol import (
-    Attachment,
-    Barrier,
-    Body,
-    Deforming,
-    Flow,
-    Force,
-    Friction,
-    Gravity,
-    Impulse,
-    Keyed,
-    Material,
-    Muscle,
-    Path,
-    Placement,
-    Plane,
-    PointCache,
-    PointForce,
-    Pressure,
-    Region,
-    Relative,
-    Rigid,
-    Rotation,
-    Scene,
-    Sequential,
-    Solid,
-    Still,
-    Support,
-    Surface,
-    Translation,
-)
+import pdvol
 from pdvol.meshes import Outline
 
 
@@ -94,44 +64,35 @@ class Frame:
         return self.unit(1, -self.dim)
 
 
-def seen(scene: Scene, frame: Frame) -> Scene:
+def seen(scene: pdvol.Scene, frame: Frame) -> pdvol.Scene:
     """The scene from a frame. Shapes are placed by this module, so placements are compared with those of pdvol."""
-    at = lambda items: tuple(put(item, frame) for item in items)
-    return replace(
-        scene,
-        bodies=at(scene.bodies),
-        dt=frame.time * scene.dt,
-        loads=at(scene.loads),
-        supports=at(scene.supports),
-        obstacles=at(scene.obstacles),
-        contact=at(scene.contact),
-        attachments=at(scene.attachments),
-        muscles=at(scene.muscles),
-        solver=replace(scene.solver, tolerance=speed(scene.solver.tolerance, frame)),
-    )
+    parts = ("bodies", "loads", "supports", "obstacles", "contact", "attachments", "muscles")
+    solver = replace(scene.solver, tolerance=speed(scene.solver.tolerance, frame))
+    put_all = {name: tuple(put(item, frame) for item in getattr(scene, name)) for name in parts}
+    return replace(scene, dt=frame.time * scene.dt, solver=solver, **put_all)
+
+
+def scaled(value, frame: Frame, by: Callable):
+    """A constant, `Keyed` ones, or a function of time that gives it; `by` has the constant's rule."""
+    if isinstance(value, pdvol.Keyed):
+        return pdvol.Keyed(timed(value.times, frame), [by(each) for each in value.values])
+    if callable(value):
+        return lambda t: by(value(t / frame.time))
+    return by(value)
 
 
 def vector(value, frame: Frame, factor: float):
-    """A direction with a unit: a tuple, `Keyed` ones, or a function of time that gives it."""
-    if isinstance(value, Keyed):
-        return Keyed(timed(value.times, frame), [vector(each, frame, factor) for each in value.values])
-    if callable(value):
-        return lambda t: vector(value(t / frame.time), frame, factor)
-    return tuple(factor * frame.directions(value))
+    """A direction with a unit."""
+    return scaled(value, frame, lambda v: tuple(factor * frame.directions(v)))
 
 
 def number(value, frame: Frame, factor: float):
-    """A number, `Keyed` ones, or a function of time that gives it."""
-    if isinstance(value, Keyed):
-        return Keyed(timed(value.times, frame), tuple(factor * each for each in value.values))
-    if callable(value):
-        return lambda t: factor * value(t / frame.time)
-    return factor * value
+    return scaled(value, frame, lambda each: factor * each)
 
 
 def field(value, frame: Frame, factor: float):
     """A number, or a function of rest positions that gives one each."""
-    if isinstance(value, Keyed) or not callable(value):
+    if isinstance(value, pdvol.Keyed) or not callable(value):
         return number(value, frame, factor)
     return lambda X: factor * value(frame.back(X))
 
@@ -145,13 +106,13 @@ def timed(times, frame: Frame) -> tuple:
 
 
 def length(value, frame: Frame):
-    return value if isinstance(value, Relative) else frame.length * value
+    return value if isinstance(value, pdvol.Relative) else frame.length * value
 
 
 def speed(value, frame: Frame):
     """A `Relative` one is a fraction of a length in a second."""
-    if isinstance(value, Relative):
-        return Relative(value.fraction / frame.time)
+    if isinstance(value, pdvol.Relative):
+        return pdvol.Relative(value.fraction / frame.time)
     return frame.unit(0, 1, -1) * value
 
 
@@ -162,13 +123,13 @@ def put(thing, frame: Frame):
 
 
 @put.register
-def _(shape: Solid, frame):
-    return Solid(frame.points(shape.vertices), frame.corners(shape.cells), shape.regions)
+def _(shape: pdvol.Solid, frame):
+    return pdvol.Solid(frame.points(shape.vertices), frame.corners(shape.cells), shape.regions)
 
 
 @put.register
-def _(shape: Surface, frame):
-    return Surface(frame.points(shape.vertices), frame.corners(shape.triangles))
+def _(shape: pdvol.Surface, frame):
+    return pdvol.Surface(frame.points(shape.vertices), frame.corners(shape.triangles))
 
 
 @put.register
@@ -176,7 +137,7 @@ def _(shape: Outline, frame):
     return Outline(frame.points(shape.points)[:: frame.hand])
 
 
-def placed(shape, placement: Placement, frame: Frame):
+def placed(shape, placement: pdvol.Placement, frame: Frame):
     """A shape where a placement puts it, from a frame."""
     points = shape.points if isinstance(shape, Outline) else shape.vertices
     moved = placement(np.asarray(points, dtype=float))
@@ -185,7 +146,7 @@ def placed(shape, placement: Placement, frame: Frame):
 
 
 @put.register
-def _(body: Body, frame):
+def _(body: pdvol.Body, frame):
     spin = frame.hand * np.asarray(body.spin, dtype=float) / frame.time
     velocity = body.velocity
     shape = tuple(placed(each, body.placement, frame) for each in body.shape)
@@ -196,7 +157,7 @@ def _(body: Body, frame):
     return replace(
         body,
         shape=shape,
-        placement=Placement(),
+        placement=pdvol.Placement(),
         material=put(body.material, frame),
         velocity=moving,
         spin=float(spin) if spin.ndim == 0 else tuple(frame.directions(spin)) if len(spin) else (),
@@ -206,7 +167,7 @@ def _(body: Body, frame):
 
 
 @put.register
-def _(material: Material, frame):
+def _(material: pdvol.Material, frame):
     return replace(
         material,
         young=field(material.young, frame, frame.stress),
@@ -217,43 +178,45 @@ def _(material: Material, frame):
 
 
 @put.register
-def _(region: Region, frame):
-    return Region(put(region.material, frame), mask(region.where, frame) if callable(region.where) else region.where)
+def _(region: pdvol.Region, frame):
+    return pdvol.Region(
+        put(region.material, frame), mask(region.where, frame) if callable(region.where) else region.where
+    )
 
 
 # ---- motions
 
 
 @put.register
-def _(motion: Still, frame):
+def _(motion: pdvol.Still, frame):
     return motion
 
 
 @put.register
-def _(motion: Translation, frame):
-    return Translation(vector(motion.velocity, frame, frame.unit(0, 1, -1)), frame.time * motion.stop)
+def _(motion: pdvol.Translation, frame):
+    return pdvol.Translation(vector(motion.velocity, frame, frame.unit(0, 1, -1)), frame.time * motion.stop)
 
 
 @put.register
-def _(motion: Rotation, frame):
+def _(motion: pdvol.Rotation, frame):
     axis = motion.axis if frame.dim == 2 else tuple(frame.directions(motion.axis))
     centre = tuple(frame.points(np.array([motion.centre]))[0])
-    return Rotation(frame.hand * motion.speed / frame.time, centre, axis, frame.time * motion.stop)
+    return pdvol.Rotation(frame.hand * motion.speed / frame.time, centre, axis, frame.time * motion.stop)
 
 
 @put.register
-def _(motion: Path, frame):
+def _(motion: pdvol.Path, frame):
     points = [vector(point, frame, frame.length) for point in motion.points]
-    return Path(timed(motion.times, frame), points, motion.smooth)
+    return pdvol.Path(timed(motion.times, frame), points, motion.smooth)
 
 
 @put.register
-def _(motion: Sequential, frame):
-    return Sequential(tuple(moving(part, frame) for part in motion.motions))
+def _(motion: pdvol.Sequential, frame):
+    return pdvol.Sequential(tuple(moving(part, frame) for part in motion.motions))
 
 
 @put.register
-def _(motion: PointCache, frame):
+def _(motion: pdvol.PointCache, frame):
     source = np.array([frame.points(motion.placement(np.asarray(points))) for points in motion.source])
     return replace(
         motion,
@@ -261,7 +224,7 @@ def _(motion: PointCache, frame):
         faces=None if motion.faces is None else frame.corners(np.asarray(motion.faces)),
         times=timed(motion.times, frame),
         begin=frame.time * motion.begin,
-        placement=Placement(),
+        placement=pdvol.Placement(),
     )
 
 
@@ -276,25 +239,25 @@ def moving(motion, frame: Frame):
 
 
 @put.register
-def _(plane: Plane, frame):
+def _(plane: pdvol.Plane, frame):
     point = tuple(frame.points(np.array([plane.point]))[0])
     return replace(plane, point=point, normal=tuple(frame.directions(plane.normal)), motion=moving(plane.motion, frame))
 
 
 @put.register
-def _(rigid: Rigid, frame):
+def _(rigid: pdvol.Rigid, frame):
     shape = placed(rigid.shape, rigid.placement, frame)
-    return replace(rigid, shape=shape, placement=Placement(), motion=moving(rigid.motion, frame))
+    return replace(rigid, shape=shape, placement=pdvol.Placement(), motion=moving(rigid.motion, frame))
 
 
 @put.register
-def _(obstacle: Deforming, frame):
+def _(obstacle: pdvol.Deforming, frame):
     shape = None if obstacle.shape is None else placed(obstacle.shape, obstacle.placement, frame)
-    return replace(obstacle, shape=shape, placement=Placement(), motion=put(obstacle.motion, frame))
+    return replace(obstacle, shape=shape, placement=pdvol.Placement(), motion=put(obstacle.motion, frame))
 
 
 @put.register
-def _(support: Support, frame):
+def _(support: pdvol.Support, frame):
     where, motion = mask(support.where, frame), moving(support.motion, frame)
     return replace(support, where=where, motion=motion, release=frame.time * support.release)
 
@@ -303,41 +266,41 @@ def _(support: Support, frame):
 
 
 @put.register
-def _(load: Gravity, frame):
-    return Gravity(vector(load.acceleration, frame, frame.unit(0, 1, -2)))
+def _(load: pdvol.Gravity, frame):
+    return pdvol.Gravity(vector(load.acceleration, frame, frame.unit(0, 1, -2)))
 
 
 @put.register
-def _(load: Force, frame):
+def _(load: pdvol.Force, frame):
     return replace(load, force=vector(load.force, frame, frame.unit(1, 1, -2)), where=mask(load.where, frame))
 
 
 @put.register
-def _(load: PointForce, frame):
+def _(load: pdvol.PointForce, frame):
     at = tuple(frame.points(np.array([load.at]))[0])
     return replace(load, force=vector(load.force, frame, frame.unit(1, 1, -2)), at=at)
 
 
 @put.register
-def _(load: Impulse, frame):
+def _(load: pdvol.Impulse, frame):
     velocity = vector(load.velocity, frame, frame.unit(0, 1, -1))
     return replace(load, velocity=velocity, time=frame.time * load.time, where=mask(load.where, frame))
 
 
 @put.register
-def _(load: Flow, frame):
+def _(load: pdvol.Flow, frame):
     return replace(
         load, velocity=vector(load.velocity, frame, frame.unit(0, 1, -1)), density=frame.density * load.density
     )
 
 
 @put.register
-def _(load: Pressure, frame):
+def _(load: pdvol.Pressure, frame):
     return replace(load, pressure=number(load.pressure, frame, frame.stress))
 
 
 @put.register
-def _(muscle: Muscle, frame):
+def _(muscle: pdvol.Muscle, frame):
     return replace(
         muscle,
         fibre=tuple(frame.directions(muscle.fibre)),
@@ -348,7 +311,7 @@ def _(muscle: Muscle, frame):
 
 
 @put.register
-def _(springs: Attachment, frame):
+def _(springs: pdvol.Attachment, frame):
     rest, most = springs.rest_length, springs.breaking
     return replace(
         springs,
@@ -361,36 +324,36 @@ def _(springs: Attachment, frame):
 
 
 @put.register
-def _(barrier: Barrier, frame):
+def _(barrier: pdvol.Barrier, frame):
     return replace(barrier, dhat=length(barrier.dhat, frame))
 
 
 @put.register
-def _(friction: Friction, frame):
+def _(friction: pdvol.Friction, frame):
     return replace(friction, eps_v=speed(friction.eps_v, frame))
 
 
 # ---- from a moving frame
 
 
-def drifting(scene: Scene, velocity: np.ndarray) -> Scene:
+def drifting(scene: pdvol.Scene, velocity: np.ndarray) -> pdvol.Scene:
     """The scene with a velocity [m/s] added to everything; without animated obstacles, which rest after their last
     frame.
     """
     u = np.asarray(velocity, dtype=float)
-    along = Translation(tuple(u))
+    along = pdvol.Translation(tuple(u))
 
     def driven(motion):
-        return along if isinstance(motion, Still) else Sequential((motion, along))
+        return along if isinstance(motion, pdvol.Still) else pdvol.Sequential((motion, along))
 
-    def moved(body: Body) -> Body:
+    def moved(body: pdvol.Body) -> pdvol.Body:
         own = body.velocity
         if callable(own):
             return replace(body, velocity=lambda X: own(X) + u)
         return replace(body, velocity=tuple(u + np.array(own or (0.0,) * len(u))))
 
     def blown(load):
-        return replace(load, velocity=tuple(u + np.array(load.velocity))) if isinstance(load, Flow) else load
+        return replace(load, velocity=tuple(u + np.array(load.velocity))) if isinstance(load, pdvol.Flow) else load
 
     return replace(
         scene,
@@ -404,7 +367,7 @@ def drifting(scene: Scene, velocity: np.ndarray) -> Scene:
 # ---- another order
 
 
-def shuffled(scene: Scene, seed: int) -> tuple[Scene, Callable[[int, np.ndarray], np.ndarray]]:
+def shuffled(scene: pdvol.Scene, seed: int) -> tuple[pdvol.Scene, Callable[[int, np.ndarray], np.ndarray]]:
     """The scene with its bodies, obstacles, vertices and cells in another order, and (level, positions of the new
     scene) -> those of the old one.
     """
@@ -412,11 +375,11 @@ def shuffled(scene: Scene, seed: int) -> tuple[Scene, Callable[[int, np.ndarray]
     order = rng.permutation(len(scene.bodies))
     ways = [[rng.permutation(len(solid.vertices)) for solid in body.shape] for body in scene.bodies]
 
-    def mixed(solid: Solid, way: np.ndarray) -> Solid:
+    def mixed(solid: pdvol.Solid, way: np.ndarray) -> pdvol.Solid:
         number = np.empty(len(way), dtype=np.int32)
         number[way] = np.arange(len(way))
         cells = rng.permutation(len(solid.cells))
-        return Solid(solid.vertices[way], number[solid.cells][cells], solid.regions[cells])
+        return pdvol.Solid(solid.vertices[way], number[solid.cells][cells], solid.regions[cells])
 
     bodies = [
         replace(body, shape=tuple(mixed(solid, way) for solid, way in zip(body.shape, ways[k], strict=True)))

@@ -1,8 +1,8 @@
 """Properties of all scenes, checked on random ones by code that the solver does not use."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cloudpickle
@@ -13,16 +13,16 @@ from hypothesis import HealthCheck, Phase, event, given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
 from on_two_ranks import marched
-from sketches import interpolants, methods, scenes
+from sketches import dimension, hows, materials_of, scenes, slab
 
 import pdvol
+from killing import PressesCtrlC
 from on_ranks import ranks
-from pdvol import Barrier, Deforming, Friction, Gravity, Outline, Placement, Plane, Pressure, Rigid, Scene, Surface
+from pdvol import Barrier, Deforming, Friction, Gravity, Plane, Pressure, Scene
 from pdvol.geometry.level_mesh import LevelMesh, lumped_masses
 from pdvol.levels.binding import bind
 from pdvol.levels.space import LevelSpace
 from pdvol.measure.verify import verify_run
-from pdvol.meshes import box, rectangle
 from pdvol.registry import METHODS
 from pdvol.runs.branch import branch_run
 from pdvol.runs.preflight import check_scene
@@ -30,10 +30,10 @@ from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import rotation_matrix
 from pdvol.solve.iteration import BALANCED
+from runs import assert_same_runs
 
 NEAR = 1e-6  # m: scenes are solved to about 1e-9, and what follows amplifies round-off
-# m: biharmonic weights depend on the order of unknowns by about 1e-6
-NEAR_BIHARMONIC = 1e-4
+NEAR_BIHARMONIC = 1e-4  # m: its weights depend on the order of unknowns by about 1e-6
 THIN = 1e-4  # m: dhat where two kinds of barrier are compared
 # m: ten dhat. A slab's barrier has half a plane's stiffness (docs/contact.md): bodies stand lower by parts of dhat, and
 # the motions of bodies that were thrown part by parts of dhat a step (measured: 0.3).
@@ -84,8 +84,7 @@ def assert_near(base: Path, other: dict, how: dict, levels: int | None = None) -
         for step in range(1, level.steps):
             event(f"compared: {'yes' if step < end else 'no'}")
             if step < end:
-                key = level.index, step
-                near = finer if level.index else NEAR
+                key, near = (level.index, step), finer if level.index else NEAR
                 np.testing.assert_allclose(other[key], one[key], rtol=0.0, atol=near, err_msg=f"level and step {key}")
 
 
@@ -107,37 +106,22 @@ def sound(scene: Scene, how: dict, base: Path, seed: int) -> None:
     event(f"contacts: {'yes' if contacts else 'no'}")
 
 
-def in_other_units(scene: Scene, how: dict, base: Path, seed: int) -> None:
-    """Powers of four change no digit of anything that has a unit."""
-    rng = np.random.default_rng(seed)
-    length, mass, time = 4.0 ** rng.integers(-4, 5, 3)
-    frame = Frame(np.eye(dimension(scene)), np.zeros(dimension(scene)), length, mass, time)
-    found = {key: x / length for key, x in states(seen(scene, frame), how).items()}
-    assert_near(base, found, how)
+FRAMES = {
+    "in other units": lambda d, rng: (np.eye(d), np.zeros(d), *4.0 ** rng.integers(-4, 5, 3)),
+    "from elsewhere": lambda d, rng: (
+        rotation_matrix(rng.uniform(-3, 3), rng.uniform(0.1, 1, 3), d),
+        rng.uniform(-3, 3, d),
+    ),
+    "in a mirror": lambda d, rng: (np.eye(d) - 2.0 * np.diag(np.eye(d)[rng.integers(d)]), rng.uniform(-3, 3, d)),
+    "from far away": lambda d, rng: (np.eye(d), 1e3 * rng.choice([-1.0, 0.0, 1.0], d)),
+}
+"""What a `Frame` is made of, from a dimension and a random generator. Powers of four change no digit of units."""
 
 
-def from_elsewhere(scene: Scene, how: dict, base: Path, seed: int) -> None:
-    """The world is turned and put elsewhere."""
-    rng, d = np.random.default_rng(seed), dimension(scene)
-    frame = Frame(rotation_matrix(rng.uniform(-3, 3), rng.uniform(0.1, 1, 3), d), rng.uniform(-3, 3, d))
-    found = {key: frame.back(x) for key, x in states(seen(scene, frame), how).items()}
-    assert_near(base, found, how)
-
-
-def in_a_mirror(scene: Scene, how: dict, base: Path, seed: int) -> None:
-    """Left and right change places."""
-    rng, d = np.random.default_rng(seed), dimension(scene)
-    frame = Frame(np.eye(d) - 2.0 * np.outer(*2 * (np.eye(d)[rng.integers(d)],)), rng.uniform(-3, 3, d))
-    found = {key: frame.back(x) for key, x in states(seen(scene, frame), how).items()}
-    assert_near(base, found, how)
-
-
-def from_far_away(scene: Scene, how: dict, base: Path, seed: int) -> None:
-    """All of it lies a kilometre off."""
-    rng, d = np.random.default_rng(seed), dimension(scene)
-    frame = Frame(np.eye(d), 1e3 * rng.choice([-1.0, 0.0, 1.0], d))
-    found = {key: frame.back(x) for key, x in states(seen(scene, frame), how).items()}
-    assert_near(base, found, how)
+def from_a_frame(name: str, scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """The same motion is seen from one of `FRAMES`."""
+    frame = Frame(*FRAMES[name](dimension(scene), np.random.default_rng(seed)))
+    assert_near(base, {key: frame.back(x) for key, x in states(seen(scene, frame), how).items()}, how)
 
 
 def from_a_moving_frame(scene: Scene, how: dict, base: Path, seed: int) -> None:
@@ -197,52 +181,19 @@ def cut_and_resumed(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """A run that is interrupted at any step and goes on is the same, to the last bit."""
     out, every = base.parent / "cut", sum(level.steps - 1 for level in pdvol.open_run(base).levels)
     with pytest.raises(KeyboardInterrupt):
-        run(scene, out, how, progress=Interruption(1 + seed % every))
+        run(scene, out, how, progress=PressesCtrlC(1 + seed % every))
     run(scene, out, how, resume=True)
-    assert_same(base, out)
-
-
-class Interruption:
-    """A `Watch` that stands for Ctrl-C after so many steps."""
-
-    def __init__(self, steps: int):
-        self.left = steps
-
-    def __call__(self, level: int, steps: int, done: int) -> "Interruption":
-        return self
-
-    def step(self, record: dict) -> None:
-        self.left -= 1
-        if self.left == 0:
-            raise KeyboardInterrupt
-
-    def lasts(self, record: dict) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
-
-
-def assert_same(one: Path, other: Path) -> None:
-    """All states of two runs, and what the log says besides times."""
-    runs = pdvol.open_run(one), pdvol.open_run(other)
-    for a, b in zip(*(each.levels for each in runs), strict=True):
-        assert a.steps == b.steps
-        for step in range(a.steps):
-            np.testing.assert_array_equal(a.positions(step), b.positions(step), err_msg=f"level {a.index}, {step}")
-        timeless = [[{**r, "seconds": 0, "peak_memory_mb": 0} for r in each.log] for each in (a, b)]
-        assert json.dumps(timeless[0], default=float) == json.dumps(timeless[1], default=float)
+    assert_same_runs(base, out)
 
 
 def branched(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """A branch that changes nothing is the same, to the last bit."""
-    run_of = pdvol.open_run(base)
-    if how["method"] != "progressive" or run_of.info["state"] != "done":
+    if how["method"] != "progressive" or pdvol.open_run(base).info["state"] != "done":
         return
-    out, last = base.parent / "branch", scene.levels - 1
-    branch_run(Shot(None, {}, scene), base, seed % scene.steps, out, last)
+    out = base.parent / "branch"
+    branch_run(Shot(None, {}, scene), base, seed % scene.steps, out, scene.levels - 1)
     run(scene, out, how, resume=True)
-    assert_same(base, out)
+    assert_same_runs(base, out)
 
 
 def on_two(scene: Scene, how: dict, base: Path, seed: int) -> None:
@@ -261,8 +212,7 @@ def as_checked(scene: Scene, how: dict, base: Path, seed: int) -> None:
 def refused_as_checked(scene: Scene, error: str) -> None:
     """What `check` calls a defect is what the run was refused with."""
     found = check_scene(scene, 0.0)
-    assert not found["sound"]
-    assert any(error in line for line in found["defects"]), (error, found["defects"])
+    assert not found["sound"] and any(error in line for line in found["defects"]), (error, found["defects"])
 
 
 def slab_for_plane(scene: Scene, how: dict, base: Path, seed: int) -> None:
@@ -289,32 +239,11 @@ def slab_for_plane(scene: Scene, how: dict, base: Path, seed: int) -> None:
         np.testing.assert_allclose(other.positions, one.positions, rtol=0.0, atol=SLAB, err_msg=f"{one}")
 
 
-def slab(plane: Plane) -> Rigid:
-    """Its upper side is the plane's surface. No edge lies below bodies: the diagonals of its faces pass far away."""
-    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
-    d = len(normal)
-    sides = np.linalg.svd(normal[None])[2][1:]
-    axes = (
-        np.array([*sides, normal])
-        if np.linalg.det([*sides, normal]) > 0
-        else np.array([*-sides[:1], *sides[1:], normal])
-    )
-    low, high = np.array([-5.0, -3.0][: d - 1] + [-1.0]), np.array([5.0, 40.0][: d - 1] + [0.0])
-    corners = lambda unit: low + (unit + 0.5) * (high - low)
-    if d == 2:
-        shape: Outline | Surface = Outline(np.array(plane.point) + corners(rectangle(1.0, 1.0).points) @ axes)
-    else:
-        unit = box((1.0, 1.0, 1.0))
-        shape = Surface(np.array(plane.point) + corners(unit.vertices) @ axes, unit.triangles)
-    return Rigid(shape, Placement(), plane.motion, plane.name)
-
-
 def isolated(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """Without anything outside, the bodies' common centre goes straight on, on any level alone."""
-    scene = replace(
-        scene, loads=[each for each in scene.loads if isinstance(each, Pressure)], supports=(), obstacles=()
-    )
-    last, masses = -1, np.empty(0)
+    loads = [each for each in scene.loads if isinstance(each, Pressure)]
+    scene = replace(scene, loads=loads, supports=(), obstacles=())
+    last, masses, damped = -1, np.empty(0), any(each.damping for each in materials_of(scene))
     for step in steps(scene, method="direct"):
         if step.level != last:
             last, masses = step.level, masses_of(step)
@@ -324,7 +253,7 @@ def isolated(scene: Scene, how: dict, base: Path, seed: int) -> None:
         for kind, rows in step.forces.items():
             if kind != "inertia":
                 assert np.abs(rows.sum(axis=0)).max() <= 1e-9 * np.abs(rows).sum() + 1e-9, kind
-            if kind in ("barrier", "attachment") or (kind == "elastic" and not damped(scene)):
+            if kind in ("barrier", "attachment") or (kind == "elastic" and not damped):
                 x = step.positions - centre
                 turning = x[:, 0] * rows[:, 1] - x[:, 1] * rows[:, 0] if x.shape[1] == 2 else np.cross(x, rows)
                 assert np.abs(turning.sum(axis=0)).max() <= 1e-8 * np.abs(rows).sum() + 1e-9, kind
@@ -337,7 +266,7 @@ def in_balance(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """
     rng = np.random.default_rng(seed)
     young, dt = 10.0 ** rng.uniform(3.0, 10.0), 10.0 ** rng.uniform(-3.0, np.log10(0.04))
-    bodies = tuple(replace(body, material=stiff(body.material, young), regions=()) for body in scene.bodies)
+    bodies = tuple(replace(body, material=replace(body.material, young=young), regions=()) for body in scene.bodies)
     contact = tuple(replace(part, iterations=1) if isinstance(part, Friction) else part for part in scene.contact)
     scene = replace(scene, bodies=bodies, dt=dt, contact=contact, solver=pdvol.Solver(), supports=())
     for step in steps(scene, **{**how, "method": "direct"}):
@@ -378,15 +307,10 @@ def rubs_at_first(scene: Scene, how: dict, base: Path, seed: int) -> None:
             event(f"rubs: {'yes' if rubbing > 0.5 * mu * pressing > 0.0 else 'no'}")
 
 
-def stiff(material, young: float):
-    """The material with another Young's modulus [Pa]."""
-    return replace(material, young=young)
-
-
 def loses_energy(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """A step of implicit Euler minimises 1/2 |v' - v|^2 + E', which at x' = x is 1/2 |v|^2 + E: no energy is made."""
     nothing = dict.fromkeys(("loads", "supports", "obstacles", "contact", "muscles", "attachments"), ())
-    if any(each.keyed for body in scene.bodies for each in (body.material, *(r.material for r in body.regions))):
+    if any(each.keyed for each in materials_of(scene)):
         return
     scene, energy, velocity = replace(scene, **nothing, integrator="implicit_euler"), None, None
     for step in steps(scene, levels=0):
@@ -407,21 +331,12 @@ def masses_of(step: pdvol.Step) -> np.ndarray:
     return lumped_masses(step.model.mesh, step.model.materials.density)
 
 
-def damped(scene: Scene) -> bool:
-    return any(each.damping for body in scene.bodies for each in (body.material, *(r.material for r in body.regions)))
-
-
-def dimension(scene: Scene) -> int:
-    return scene.bodies[0].shape[0].vertices.shape[1]
-
-
 PROPERTIES = {
-    "frames": (in_other_units, from_elsewhere, in_a_mirror, from_far_away, from_a_moving_frame, in_another_order),
+    "frames": (*(partial(from_a_frame, name) for name in FRAMES), from_a_moving_frame, in_another_order),
     "runs": (same_level_0, cut_and_resumed, branched, on_two),
     "physics": (as_checked, slab_for_plane, isolated, loses_energy, in_balance, rubs_at_first),
 }
 """Those of a kind are checked on one run of a scene."""
-ONE_BY_ONE = [check for checks in PROPERTIES.values() for check in checks]
 ANY = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck), "phases": [Phase.generate]}
 
 
@@ -439,48 +354,46 @@ def run_and_check(folder: Path, scene: Scene, how: dict, seed: int, *checks) -> 
             check(scene, how, base, seed)
 
 
-def hows():
-    return st.fixed_dictionaries({"method": methods, "prolongation": interpolants})
-
-
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=pytest.mark.mpi if on_two in PROPERTIES[kind] else ()) for kind in PROPERTIES]
 )
-@settings(max_examples=8, derandomize=True, **ANY)
-@given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
+@settings(max_examples=5, derandomize=True, **ANY)
+@given(scene=scenes(), how=hows, seed=st.integers(0, 10**6))
 def test_a_few(tmp_path_factory, kind, scene, how, seed):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, *PROPERTIES[kind])
 
 
-@settings(max_examples=12, derandomize=True, **ANY)
-@given(scene=scenes(extreme=True), how=hows())
+@settings(max_examples=8, derandomize=True, **ANY)
+@given(scene=scenes(extreme=True), how=hows)
 def test_a_few_extremes(tmp_path_factory, scene, how):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, 0)
 
 
-@settings(max_examples=12, derandomize=True, **ANY)
-@given(scene=scenes(pressed=True), how=hows(), seed=st.integers(0, 10**6))
+@settings(max_examples=6, derandomize=True, **ANY)
+@given(scene=scenes(pressed=True), how=hows, seed=st.integers(0, 10**6))
 def test_a_few_squeezes(tmp_path_factory, scene, how, seed):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, *PROPERTIES["runs"][:3])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("check", ONE_BY_ONE, ids=lambda check: check.__name__)
+@pytest.mark.parametrize(
+    "check", sum(PROPERTIES.values(), ()), ids=lambda check: getattr(check, "__name__", "") or check.args[0]
+)
 @settings(max_examples=1000, **ANY)
-@given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
+@given(scene=scenes(), how=hows, seed=st.integers(0, 10**6))
 def test_many(tmp_path_factory, check, scene, how, seed):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, check)
 
 
 @pytest.mark.slow
 @settings(max_examples=1000, **ANY)
-@given(scene=scenes(pressed=True), how=hows(), seed=st.integers(0, 10**6))
+@given(scene=scenes(pressed=True), how=hows, seed=st.integers(0, 10**6))
 def test_many_squeezes(tmp_path_factory, scene, how, seed):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, *PROPERTIES["runs"][:3])
 
 
 @pytest.mark.slow
 @settings(max_examples=1000, **ANY)
-@given(scene=scenes(extreme=True), how=hows())
+@given(scene=scenes(extreme=True), how=hows)
 def test_many_extremes(tmp_path_factory, scene, how):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, 0)

@@ -1,7 +1,5 @@
 """Runs that begin with the stored states of another one."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -33,18 +31,6 @@ def states(folder, name, level):
     return [stored.positions(step) for step in range(stored.steps)]
 
 
-@pytest.mark.parametrize("words", [(), ("--set", "integrator=bdf2")], ids=["default", "bdf2"])
-def test_with_the_same_settings_it_is_the_same_run(folder, words):
-    whole = "of_bdf2" if words else "whole"
-    if words:
-        assert run(folder, whole, *words) == 0
-    assert branch(folder, f"same_as_{whole}", *words, source=whole) == 0
-    for level in (0, 1):
-        for one, other in zip(states(folder, f"same_as_{whole}", level), states(folder, whole, level), strict=True):
-            np.testing.assert_array_equal(one, other)
-    assert open_run(folder / f"same_as_{whole}").info["branched"]["step"] == AT
-
-
 def test_with_others_it_differs_from_that_step_on_and_can_be_resumed(folder):
     assert branch(folder, "softer", "--set", "young=8e3") == 0
     assert run(folder, "straight", "--set", "young=8e3") == 0
@@ -69,12 +55,6 @@ def test_a_level_that_has_not_reached_the_step_is_not_refined(folder, capsys):
     assert pdvol("refine", folder / "flat", "--to", 1, "--no-picture") == 2
     assert "has no level 1" in capsys.readouterr().err
     assert len(open_run(folder / "flat").levels) == 1
-
-
-def test_the_records_belong_to_the_states(folder):
-    branch(folder, "records", "--set", "young=8e3")
-    records = [json.loads(line) for line in (folder / "records" / "log.jsonl").read_text().splitlines()]
-    assert [r["step"] for r in records if r["level"] == 0] == list(range(1, STEPS + 1))
 
 
 PRESSED = (

@@ -3,7 +3,6 @@ rank, on standard error.
 """
 
 import io
-import os
 import re
 import subprocess
 import sys
@@ -14,10 +13,9 @@ import numpy as np
 import pytest
 
 import pdvol
-from cli_scenes import CUBE_OFF, FALL, pdvol_on_ranks
+from cli_scenes import CUBE_OFF, FALL
 from cli_scenes import pdvol as pdvol_command
-from commands import SAFETY, WITHOUT_PICTURE
-from on_ranks import results_on
+from commands import SAFETY
 from pdvol import Body, NeoHookean, Scene, cli
 from pdvol.meshes import Outline
 from pdvol.meshing.build import build_levels
@@ -218,36 +216,6 @@ def test_the_output_of_check_is_the_same_whatever_lasts(shot, monkeypatch, capfd
     assert not any("meshing" in name for name in stage_names(second[2]))
 
 
-def with_all_stages(comm, *words):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
-        return pdvol_on_ranks(comm, *words)
-
-
-@pytest.mark.mpi
-def test_two_ranks_say_it_once(tmp_path):
-    (tmp_path / "fall.py").write_text(FALL)
-    words = ["run", tmp_path / "fall.py", "--steps", 2, "--no-xdmf", "--out", tmp_path / "a"]
-    (done,) = results_on((2,), with_all_stages, *words)
-    assert done["code"] == 0, done["said"]
-    names = stage_names(str(done["said"]))
-    assert [names.count(f"preparing level {level}") for level in (0, 1)] == [1, 1]
-    assert names.count("checking level 0") == 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("side_by_side", [[], ["--wavefront"]])
-def test_a_first_run_says_that_it_compiles(tmp_path, side_by_side):
-    (tmp_path / "fall.py").write_text(FALL)
-    env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    words = ["run", "fall.py", "--steps", "1", "--levels", "0:0", "--out", "a", *side_by_side]
-    done = subprocess.run(
-        [*WITHOUT_PICTURE, *words], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY
-    )
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"^preparing level 0: .* \(.*compiling C code [\d.]+ s\)$", done.stderr, re.MULTILINE)
-
-
 def test_pdvol_run_shows_stages_with_its_progress_only(monkeypatch, capsys):
     monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
     corners = Outline(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]))
@@ -269,37 +237,29 @@ def all_stages(monkeypatch):
     monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
 
 
-@pytest.mark.parametrize("format_name", ["xdmf", "obj", "pc2"])
-def test_export_says_level_and_step_and_prints_what_it_printed(flat_run, tmp_path, capsys, all_stages, format_name):
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["export", "RUN", "--format", "xdmf", "-o", "out"], r"exporting xdmf: .*\(level 1, step (\d+) of \1"),
+        (["export", "RUN", "--format", "pc2", "-o", "out"], r"exporting pc2: .*\(level_1/.*, frame (\d+) of \1"),
+        (["verify", "RUN"], r"verifying .*: .* s \(level 1, step (\d+) of \1\)"),
+        (["metrics", "RUN"], r"measuring level 1 of .*drift from level 0, step (\d+) of \1[;)]"),
+    ],
+)
+def test_commands_say_level_and_step_and_print_what_they_print(
+    words, said, small_run, tmp_path, monkeypatch, capsys, all_stages
+):
+    monkeypatch.chdir(tmp_path)
+
     def printed():
-        assert cli.run(["export", str(flat_run), "--format", format_name, "-o", str(tmp_path / "out")]) == 0
+        assert cli.run([str(small_run) if word == "RUN" else word for word in words]) == 0
         return capsys.readouterr()
 
     loud = printed()
-    assert f"exporting {format_name}" in stage_names(loud.err) and stage_names(loud.out) == []
-    what = r"level_1/.*, frame (\d+) of \1" if format_name == "pc2" else r"level 1, step (\d+) of \1"
-    assert re.search(rf"^exporting {format_name}: .*\({what}", loud.err, re.MULTILINE), loud.err
+    assert re.search(rf"^{said}", loud.err, re.MULTILINE) and stage_names(loud.out) == [], loud.err
     stage_lines.SHOWN_SECONDS = float("inf")
     quiet = printed()
     assert quiet.out == loud.out and quiet.err == ""
-
-
-def test_verify_says_level_and_step(flat_run, capsys, all_stages):
-    assert cli.run(["verify", str(flat_run)]) == 0
-    shown = capsys.readouterr()
-    said = re.findall(rf"^verifying {flat_run}: .* s \(level (\d), step (\d+) of \2\)$", shown.err, re.MULTILINE)
-    levels = [level.index for level in pdvol.open_run(flat_run).levels]
-    assert [int(level) for level, _ in said] == levels and "verifying" not in shown.out
-
-
-def test_metrics_say_which_level_they_measure(small_run, capsys, all_stages):
-    assert cli.run(["metrics", str(small_run), "--against", str(small_run)]) == 0
-    shown = capsys.readouterr()
-    names = stage_names(shown.err)
-    assert [names.count(f"measuring level {level} of {small_run}") for level in (0, 1)] == [2, 2]
-    assert f"comparing {small_run} with {small_run}" in names and "drawing metrics.png" in names
-    assert stage_names(shown.out) == []
-    assert re.search(r"^measuring level 1 of .*drift from level 0, step (\d+) of \1[;)]", shown.err, re.MULTILINE)
 
 
 def test_loading_has_a_stage(tmp_path):

@@ -5,20 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pdvol.solve.iteration import (
-    SAME_DIRECTION,
-    fraction_kept,
-    lengthening,
-    next_projection,
-)
+from pdvol.solve.iteration import SAME_DIRECTION, fraction_kept, lengthening, next_projection
 
 MOST = 1.0 / (1.0 - SAME_DIRECTION)
 
 
-@pytest.mark.parametrize(
-    "kept, mode",
-    [(1.0, "clamp"), (0.6, "clamp"), (0.4, "abs"), (-0.1, "abs"), (1.5, "none")],
-)
+@pytest.mark.parametrize("kept, mode", [(1.0, "clamp"), (0.6, "clamp"), (0.4, "abs"), (-0.1, "abs"), (1.5, "none")])
 def test_the_actual_decrease_chooses_the_projection(kept, mode):
     assert next_projection(kept, full=True, detects_indefinite=True) == mode
 
@@ -40,16 +32,7 @@ def test_the_promise_is_the_quadratic_models():
 
 @pytest.mark.parametrize("share", [0.3, 1.0, 4.0])
 @pytest.mark.parametrize(
-    "stiffness, expected",
-    [
-        (0.1, 10.0),
-        (0.4, 2.5),
-        (0.6, 1.0),
-        (1.0, 1.0),
-        (0.01, MOST),
-        (0.0, MOST),
-        (-0.3, MOST),
-    ],
+    "stiffness, expected", [(0.1, 10.0), (0.4, 2.5), (0.6, 1.0), (1.0, 1.0), (0.01, MOST), (0.0, MOST), (-0.3, MOST)]
 )
 def test_a_step_that_repeats_the_last_one_goes_to_the_end_of_the_series(share, stiffness, expected):
     """Where the potential has so much of the model's stiffness along d, the step after t d is (1 - t stiffness) d."""

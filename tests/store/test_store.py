@@ -164,10 +164,7 @@ def test_other_damage(small_run):
         RunWriter.open(small_run)
 
     info = json.loads((small_run / "run.json").read_text())
-    for entry, message in (
-        ({"format": 7}, "of format 7, this pdvol reads formats 1 and 2"),
-        ({"dt": None}, "lacks"),
-    ):
+    for entry, message in (({"format": 7}, "of format 7, this pdvol reads formats 1 and 2"), ({"dt": None}, "lacks")):
         (small_run / "run.json").write_text(json.dumps({**info, **entry}))
         with pytest.raises(InputError, match=message):
             open_run(small_run)

@@ -11,7 +11,6 @@ import pytest
 import pages
 
 ROOT = Path(__file__).resolve().parents[2]
-JOSS = ROOT / "joss"
 PAGES = pages.all_pages(ROOT)
 LINK = re.compile(r"!?\[(?:[^\]\[]|\[[^\]]*\])*\]\(<?([^)>\s]+)>?(?:\s\"[^\"]*\")?\)")
 SOURCES = (".py", ".md", ".c", ".h", ".toml", ".cff", ".yml", ".npz")
@@ -105,11 +104,3 @@ def test_names_are_found():
     assert sum(len(names(page)) for page in PAGES) > 200
     source = "\n".join(path.read_text() for path in (ROOT / "pdvol").rglob("*.py"))
     assert all(name.strip("/") in source for name in MADE)
-
-
-def test_citations_and_figures_of_the_paper_exist():
-    text, entries = (JOSS / "paper.md").read_text(), (JOSS / "paper.bib").read_text()
-    cited = set(re.findall(r"@(\w+)", text))
-    assert cited and cited == set(re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE))
-    figures = re.findall(r"^!\[.*\]\((\S+?)\)", text, re.MULTILINE)
-    assert figures and all((JOSS / figure).is_file() for figure in figures)

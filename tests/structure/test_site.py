@@ -89,16 +89,6 @@ def test_functions_that_pages_name_are_in_the_files_they_link():
     assert [link for link in links if not link[2].exists() or link[1] not in definitions(link[2])] == []
 
 
-def test_messages_of_the_faq_are_those_of_the_code():
-    """Each piece of a message between its dots is a part of a literal text of pdvol."""
-    files = sorted((ROOT / "pdvol").rglob("*.py"))
-    parts = (n for file in files for n in ast.walk(ast.parse(file.read_text())) if isinstance(n, ast.Constant))
-    literal = "\n".join(part.value for part in parts if isinstance(part.value, str))
-    quoted = re.findall(r"^\| `([^`]+)` \|", (DOCS / "faq.md").read_text(), re.MULTILINE)
-    assert len(quoted) > 40
-    assert [line for line in quoted if not all(p in literal for p in line.split("...") if len(p) > 3)] == []
-
-
 def run_python(*words: object) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, timeout=300, cwd=ROOT)
 

@@ -58,6 +58,7 @@ def test_each_job_ends_as_its_run_does(scene, executor):
     assert time.monotonic() - begin < found["good"].seconds
 
 
+@pytest.mark.parametrize("executor", [False], indirect=True)
 def test_what_runs_at_the_deadline_is_stopped_and_can_go_on(scene, executor):
     long = job(scene, "long", steps=100_000, levels=1)
     (outcome,) = run_jobs(in_turn(long), executor, time.monotonic() + 3.0)
@@ -71,7 +72,7 @@ def test_what_runs_at_the_deadline_is_stopped_and_can_go_on(scene, executor):
 
 
 def test_a_job_whose_worker_is_killed_is_run_again(scene):
-    workers, hurt = Workers(2), job(scene, "hurt", steps=80)
+    workers, hurt = Workers(2), job(scene, "hurt", steps=40)
     killed = []
 
     def choose(running, left):
@@ -86,11 +87,11 @@ def test_a_job_whose_worker_is_killed_is_run_again(scene):
     outcomes = list(run_jobs(choose, workers))
     workers.close()
     assert [outcome.state for outcome in outcomes] == ["done"] and len(killed) == 1
-    other = job(scene, "unhurt", steps=80)
+    other = job(scene, "unhurt", steps=40)
     with closing(Workers(1, fresh=True)) as fresh:
         (outcome,) = run_jobs(in_turn(other), fresh)
     for level, its in zip(open_run(hurt.out).levels, open_run(other.out).levels, strict=True):
-        np.testing.assert_array_equal(level.positions(80), its.positions(80))
+        np.testing.assert_array_equal(level.positions(40), its.positions(40))
 
 
 class Deadly:

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from cli_scenes import FALL, pdvol, write
+from cli_scenes import FALL, write
 from pdvol.store.folder import holds_run, read_info
 from pdvol.store.reader import open_run
 from pdvol.studio.wedge.worker import Worker, Workers
@@ -53,29 +53,6 @@ def ended(worker):
         assert time.monotonic() < limit
         time.sleep(0.02)
     return code
-
-
-def test_runs_one_after_the_other_are_those_of_processes_of_their_own(worker, scene):
-    for name, code in (("a", 0), ("wrong", 2), ("b", 0)):
-        worker.start(words(scene, name, *(["--set", "colour=1"] if code else [])), scene.parent / f"{name}.log")
-        assert ended(worker) == code and worker.alive and not worker.busy
-    assert "no parameter 'colour'" in (scene.parent / "wrong.log").read_text()
-    assert pdvol(*words(scene, "alone")) == 0
-    alone = open_run(scene.parent / "alone")
-    for name in "ab":
-        for level, other in zip(open_run(scene.parent / name).levels, alone.levels, strict=True):
-            for step in range(STEPS + 1):
-                np.testing.assert_array_equal(level.positions(step), other.positions(step))
-    assert not list((scene.parent / "a").glob("*.xdmf")) and not (scene.parent / "a" / "picture.png").exists()
-
-
-def test_a_worker_that_is_killed_says_so(worker, scene):
-    worker.start(words(scene, "long", "--steps", 100_000), scene.parent / "long.log")
-    os.kill(worker.process, signal.SIGKILL)
-    assert ended(worker) == -signal.SIGKILL
-    assert not worker.alive
-    with pytest.raises(RuntimeError):
-        worker.start(words(scene, "next"), scene.parent / "next.log")
 
 
 def test_a_worker_that_ends_after_it_was_found_alive_is_replaced(scene, monkeypatch):
