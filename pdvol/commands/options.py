@@ -1,7 +1,7 @@
 """Options that several verbs share, and how their text is read."""
 
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, BooleanOptionalAction, Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,8 +72,12 @@ def add_prolongation(parser: ArgumentParser) -> None:
 
 
 def add_wavefront(parser: ArgumentParser) -> None:
-    """`--wavefront`."""
-    parser.add_argument("--wavefront", action="store_true", help="run the levels side by side, a process each")
+    """`--wavefront`, `--no-wavefront`."""
+    parser.add_argument(
+        "--wavefront",
+        action=BooleanOptionalAction,
+        help="run the levels side by side, a process each, or not (default: where it pays and cores are idle)",
+    )
 
 
 def add_ranks(parser: ArgumentParser) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh, principal_stretches, simplex_volumes
 from pdvol.scene import Posed, Scene
-from pdvol.scene.checks import called, require
+from pdvol.scene.checks import numbers, require
 
 
 def start_positions(scene: Scene, mesh: LevelMesh, level: int) -> np.ndarray:
@@ -56,10 +56,7 @@ def _begun(start: Posed | Callable[[np.ndarray], np.ndarray], points: np.ndarray
     """Where rest positions (n, d) of a body are at t = 0; `name` begins the messages of InputError."""
     if isinstance(start, Posed):
         return posed_positions(start, points, name)
-    found = called(name, start, (points.copy(),), points.shape)
-    require(np.issubdtype(found.dtype, np.number), f"{name} gives no numbers, but {found.dtype}")
-    require(bool(np.isfinite(found).all()), f"{name} gives NaN or infinity")
-    return found.astype(float)
+    return numbers(name, start, (points.copy(),), points.shape)
 
 
 def posed_positions(posed: Posed, points: np.ndarray, whose: str) -> np.ndarray:

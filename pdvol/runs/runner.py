@@ -26,7 +26,7 @@ from pdvol.meshing.cache import installed
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.known_scenes import is_own_run, note_run
-from pdvol.runs.launcher import chosen_ranks, require_ranks
+from pdvol.runs.launcher import chosen_ranks, require_ranks, side_by_side
 from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
@@ -62,7 +62,7 @@ def run_scene(
     resume: bool = False,
     comm: MPI.Comm = MPI.COMM_WORLD,
     progress: Watch | None = None,
-    wavefront: bool = False,
+    wavefront: bool | None = False,
     xdmf: bool = True,
     replace: bool = False,
     ranks: int | None = 1,
@@ -80,7 +80,8 @@ def run_scene(
     method : one of `pdvol.registry.METHODS`
     prolongation : a name in `pdvol.registry.INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
-    wavefront : run the levels side by side, each in processes of its own; `comm` then has one rank
+    wavefront : run the levels side by side, each in processes of its own; `comm` then has one rank. Where that pays and
+        cores are idle when None
     xdmf : write level_N.xdmf at the end; without it `pdvol export` makes it later
     replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
     ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
@@ -120,22 +121,32 @@ def run_scene(
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace))
     with exported(comm, out, scene, obstacles, done) if xdmf else nullcontext():
         try:
-            if wavefront:
-                march_levels(writer, dict.fromkeys(marched, ranks or 1), progress)
+            alone = comm.size > 1 or shot.file is None
+            if wavefront is None and not alone:
+                left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
+                wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
+            ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
+
+            def in_processes(counts: dict[int, int]) -> bool:
+                nonlocal ranks
+                try:
+                    march_levels(writer, counts, progress)
+                    return True
+                except NoRanks as error:  # pdvol's own choice must not end a run that one rank can do
+                    if ranks is not None:
+                        raise
+                    ranks = 1
+                    if progress is not None:
+                        print(f"note: {error}; it goes on with one", file=sys.stderr)
+                    return False
+
+            if wavefront and in_processes({level: ranks_of(level) for level in marched}):
+                marched = range(0)
             hierarchy = None
-            for level in () if wavefront else marched:
-                alone = comm.size > 1 or shot.file is None
-                count = 1 if alone else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
-                if count > 1:
-                    try:
-                        march_levels(writer, {level: count}, progress)
-                        continue
-                    except NoRanks as error:  # pdvol's own choice must not end a run that one rank can do
-                        if ranks is not None:
-                            raise
-                        ranks = 1
-                        if progress is not None:
-                            print(f"note: {error}; it goes on with one", file=sys.stderr)
+            for level in marched:
+                count = 1 if alone else ranks_of(level)
+                if count > 1 and in_processes({level: count}):
+                    continue
                 if hierarchy is None:
                     with stage("numbering the levels"):
                         hierarchy = Hierarchy(levels.meshes, comm, prolongation)
@@ -154,7 +165,7 @@ def refine_run(
     last: int,
     comm: MPI.Comm = MPI.COMM_WORLD,
     progress: Watch | None = None,
-    wavefront: bool = False,
+    wavefront: bool | None = False,
     xdmf: bool = True,
     ranks: int | None = 1,
     done: Callable[[], object] = lambda: None,

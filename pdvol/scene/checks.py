@@ -202,6 +202,8 @@ def called(name: str, function: Callable, arguments: tuple, shape: tuple[int, ..
 
 def numbers(name: str, function: Callable, arguments: tuple, shape: tuple[int, ...], when: str = "") -> np.ndarray:
     """The same as floats, all of them finite; `when` is the time in messages, as " at t = 0.1 s"."""
-    result = called(name, function, arguments, shape).astype(float)
+    result = called(name, function, arguments, shape)
+    require(np.issubdtype(result.dtype, np.number), f"{name} gives no numbers, but {result.dtype}")
+    result = result.astype(float)
     require(bool(np.isfinite(result).all()), f"{name} gives NaN or infinity{when}")
     return result

@@ -12,6 +12,7 @@ from cli_scenes import pdvol, pdvol_on_ranks
 from commands import SAFETY
 from on_ranks import results_on
 from pdvol import open_run
+from pdvol.runs import runner
 from runs import assert_same_runs
 
 SCENE = """
@@ -67,6 +68,20 @@ def one_after_the_other(scene, tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "sequential"
     assert pdvol("run", scene, "--out", out) == 0
     return out
+
+
+def test_levels_are_side_by_side_by_choice(scene, one_after_the_other, tmp_path, monkeypatch):
+    """What is chosen changes how levels are made, and not what they are."""
+    asked, marched = [], []
+    monkeypatch.setattr(runner, "side_by_side", lambda *given: not asked.append(given))
+    march = runner.march_levels
+    monkeypatch.setattr(runner, "march_levels", lambda *given: marched.append(list(given[1])) or march(*given))
+    assert pdvol("run", scene, "--out", tmp_path / "in turn", "--no-picture", "--no-wavefront") == 0
+    assert pdvol("run", scene, "--out", tmp_path / "chosen", "--no-picture") == 0
+    assert marched == [[0, 1, 2]]
+    counts = [len(level.mesh.points) for level in open_run(one_after_the_other).levels]
+    assert asked == [(counts, [15] * 3)]  # states that are left to make
+    assert_same_runs(tmp_path / "chosen", one_after_the_other)
 
 
 def test_a_killed_wavefront_goes_on_where_it_was(scene, one_after_the_other, tmp_path):

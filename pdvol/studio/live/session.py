@@ -205,8 +205,8 @@ class Session:
         else:
             levels = f"{run.refined + 1}:{run.finest}"
             run.refined = run.finest
-            wavefront = ["--wavefront"] if self.wavefront else []
-            self._carry_out(run, ["--levels", levels, "--resume", *wavefront])
+            wavefront = "--wavefront" if self.wavefront else "--no-wavefront"  # the first refined step comes sooner
+            self._carry_out(run, ["--levels", levels, "--resume", wavefront])
         self._update_kept(run)
 
     def _give_up(self, run: LiveRun) -> None:
