@@ -4,6 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pdvol.geometry.boundary_search import BoundarySearch
+from pdvol.geometry.flat_faces import unit_normals
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.levels.geodesic import vertex_adjacency
 
@@ -19,9 +20,7 @@ def cells_through(mesh: LevelMesh, number: int) -> tuple[int, float]:
     """Cells through the thinnest part of a body, its median and `MOST_CELLS` at most, and its thickness [m]."""
     mesh = mesh.body(number)[0]
     facets = mesh.boundary
-    edges = mesh.points[facets[:, 1:]] - mesh.points[facets[:, :1]]
-    normals = np.cross(edges[:, 0], edges[:, 1]) if mesh.dim == 3 else edges[:, 0, ::-1] * (1.0, -1.0)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals = unit_normals(mesh.points, facets)
     size, centres = float(np.linalg.norm(np.ptp(mesh.points, axis=0))), mesh.points[facets].mean(axis=1)
     behind, away = BoundarySearch(mesh, number).first_hits(centres - INSET * size * normals, centres - size * normals)
     away += INSET * size
