@@ -19,7 +19,8 @@ from pdvol.parallel import end_all, on_root
 from pdvol.potentials.build import MakeTerm
 from pdvol.potentials.potential import Positions, Potential, Term
 from pdvol.registry import INTEGRATORS
-from pdvol.runs.runner import check_choices, prepared_levels
+from pdvol.runs.preparation import prepared_levels
+from pdvol.runs.runner import check_choices
 from pdvol.scene import Scene
 from pdvol.scene.checks import called, count, positive, require
 from pdvol.solve.report import StepReport

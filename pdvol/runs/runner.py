@@ -4,7 +4,6 @@ import platform
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +11,12 @@ from mpi4py import MPI
 from threadpoolctl import threadpool_limits
 
 from pdvol.compiled import build_beside
-from pdvol.errors import InputError, LevelError
+from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.function_check import call_functions
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.level_check import level_defects
 from pdvol.levels.model import hierarchy_model
-from pdvol.levels.obstacles import Geometry, placed_obstacles, read_geometry, stored_obstacles
-from pdvol.levels.scene_fields import initial_velocity, scene_diagonal, way_up
+from pdvol.levels.obstacles import placed_obstacles, stored_obstacles
+from pdvol.levels.scene_fields import initial_velocity, way_up
 from pdvol.levels.script import Obstacle
 from pdvol.levels.start import start_positions
 from pdvol.meshing.cache import installed
@@ -29,9 +26,9 @@ from pdvol.runs.known_scenes import is_own_run, note_run
 from pdvol.runs.launcher import chosen_ranks, require_ranks, side_by_side
 from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
+from pdvol.runs.preparation import Prepared, prepared_levels
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot
-from pdvol.runs.separation import build_apart
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
 from pdvol.scene import Scene
@@ -126,27 +123,18 @@ def run_scene(
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
             ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
-
-            def in_processes(counts: dict[int, int]) -> bool:
-                nonlocal ranks
-                try:
-                    march_levels(writer, counts, progress)
-                    return True
-                except NoRanks as error:  # pdvol's own choice must not end a run that one rank can do
-                    if ranks is not None:
-                        raise
+            if wavefront:
+                if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, progress):
+                    marched = range(0)
+                else:
                     ranks = 1
-                    if progress is not None:
-                        print(f"note: {error}; it goes on with one", file=sys.stderr)
-                    return False
-
-            if wavefront and in_processes({level: ranks_of(level) for level in marched}):
-                marched = range(0)
             hierarchy = None
             for level in marched:
                 count = 1 if alone else ranks_of(level)
-                if count > 1 and in_processes({level: count}):
-                    continue
+                if count > 1:
+                    if _in_processes(writer, {level: count}, ranks, progress):
+                        continue
+                    ranks = 1
                 if hierarchy is None:
                     with stage("numbering the levels"):
                         hierarchy = Hierarchy(levels.meshes, comm, prolongation)
@@ -183,6 +171,21 @@ def refine_run(
         raise InputError(f"{out}: {error}{mend}") from error
     shot, how = stored_shot(info, is_own_run(Path(out), file)), (info["method"], info["prolongation"])
     return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks, done=done)
+
+
+def _in_processes(writer: SharedWriter, counts: dict[int, int], wanted: int | None, progress: Watch | None) -> bool:
+    """Marches levels with these numbers of ranks in processes of their own. Returns whether these started: a choice of
+    pdvol's own, where no number is `wanted`, must not end a run that this process can do.
+    """
+    try:
+        march_levels(writer, counts, progress)
+    except NoRanks as error:
+        if wanted is not None:
+            raise
+        if progress is not None:
+            print(f"note: {error}; it goes on with one", file=sys.stderr)
+        return False
+    return True
 
 
 def _ranks_of(level: int, mesh: LevelMesh, steps: int, writer: SharedWriter, wanted: int | None) -> int:
@@ -230,66 +233,6 @@ def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool, re
         raise InputError(
             f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with levels 0:{last}"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """A scene's levels, checked at t = 0.
-
-    Attributes
-    ----------
-    meshes : coarsest first
-    kept : how many of them are those of a stored run
-    geometry : of the scene's obstacles
-    diagonal : what relative lengths are fractions of [m]
-    mended : a line for each body that was set apart from others
-    refused : of the coarsest level without a mesh, if there is one; it and finer ones are left out
-    """
-
-    meshes: Sequence[LevelMesh]
-    kept: int
-    geometry: list[Geometry]
-    diagonal: float
-    mended: list[str]
-    refused: LevelError | None = None
-
-
-def prepared_levels(
-    scene: Scene, last: int, stored: Sequence[LevelMesh] = (), diagonal: float | None = None
-) -> Prepared:
-    """Levels 0 to `last` of a scene. Serial.
-
-    Parameters
-    ----------
-    stored : meshes of the coarsest levels in a run of the scene
-    diagonal : what relative lengths are fractions of [m]; that of the scene when None
-
-    Raises
-    ------
-    InputError
-        Something in the scene or its meshes is unfit.
-    LevelError
-        No mesh came out for level 0.
-    """
-    geometry = read_geometry(scene.obstacles)
-    obstacles = placed_obstacles(scene.obstacles, geometry)
-    meshes = stored
-    mended: list[str] = []
-    if len(stored) <= last:
-        call_functions(scene, obstacles)
-        try:
-            built, mended = build_apart(scene, last + 1, obstacles)
-        except LevelError as error:
-            if error.level == 0:
-                raise
-            return replace(prepared_levels(scene, error.level - 1, stored, diagonal), refused=error)
-        meshes = [*stored, *built[len(stored) :]]
-    diagonal = scene_diagonal(scene) if diagonal is None else diagonal
-    for level in range(len(meshes)):
-        with stage(f"checking level {level}"):
-            for defect in level_defects(scene, meshes, level, obstacles, diagonal):
-                raise defect.error
-    return Prepared(meshes, len(stored), geometry, diagonal, mended)
 
 
 def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str, replace: bool) -> Prepared:

@@ -6,7 +6,7 @@ import pytest
 import pdvol
 from pdvol import meshes
 from pdvol.errors import InputError
-from pdvol.runs import runner
+from pdvol.runs import preparation
 from pdvol.runs.preflight import check_scene
 
 BALL = meshes.ball(0.5, 1)
@@ -53,10 +53,10 @@ def broken(_):
 
 @pytest.mark.parametrize("named", MISTAKES)
 def test_a_function_that_fails_is_named_before_anything_is_meshed(monkeypatch, named):
-    monkeypatch.setattr(runner, "build_apart", None)
+    monkeypatch.setattr(preparation, "build_apart", None)
     shot = scene(MISTAKES[named](broken))
     with pytest.raises(InputError) as caught:
-        runner.prepared_levels(shot, 1)
+        preparation.prepared_levels(shot, 1)
     assert str(caught.value).startswith(named) and "KeyError" in str(caught.value)
     assert check_scene(shot, 0.0)["defects"] == [f"defect: {caught.value}"]
 
@@ -67,7 +67,7 @@ def test_what_a_function_gives_at_the_shape_s_points_alone_is_no_mistake(monkeyp
     def meshed(*_):
         raise InputError("meshing")
 
-    monkeypatch.setattr(runner, "build_apart", meshed)
+    monkeypatch.setattr(preparation, "build_apart", meshed)
     shot = scene(
         {
             "material": pdvol.NeoHookean(lambda X: 0.25 - np.sum(X**2, axis=1)),
@@ -76,4 +76,4 @@ def test_what_a_function_gives_at_the_shape_s_points_alone_is_no_mistake(monkeyp
         }
     )
     with pytest.raises(InputError, match="meshing"):
-        runner.prepared_levels(shot, 1)
+        preparation.prepared_levels(shot, 1)
