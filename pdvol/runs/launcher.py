@@ -18,9 +18,9 @@ from pdvol.processes import cores, idle_cores, without_launcher
 VERTICES_A_RANK = 1000
 # vertices for two ranks: on two cores they gain less than a fifth with fewer (the same notes)
 VERTICES_OF_TWO = 4000
-# Seconds of a step, of a step's vertex (benchmarks/dense/NOTES.md), and of a level's process more than one for all:
-# levels side by side pay where those that pass beside the finest level are more than those of all starts.
-STEP_TIME, VERTEX_TIME, LEVEL_START = 2e-3, 1.4e-5, 0.3
+# time of a step [s]: a constant part, and a part for each vertex (benchmarks/dense/NOTES.md)
+STEP_TIME, VERTEX_TIME = 2e-3, 1.4e-5
+LEVEL_START = 0.3  # time [s] that the process of one level takes to start
 # a word of a launcher's --version output, by the library that mpi4py was built with
 LAUNCHERS = {"Open MPI": "Open MPI", "MPICH": "HYDRA"}
 VERSION_TIME = 20.0  # seconds that a launcher has to print its version
@@ -48,7 +48,9 @@ def chosen_ranks(vertices: int, wanted: int | None, before: int = 0) -> int:
 
 
 def side_by_side(vertices: Sequence[int], steps: Sequence[int]) -> bool:
-    """Whether levels, coarsest first, with so many vertices and steps to be made are best marched side by side."""
+    """Whether levels are marched side by side, given their numbers of vertices and of steps to be made, coarsest first:
+    the time of the coarser levels, which then passes beside the finest one, exceeds that of starting processes.
+    """
     coarse = zip(vertices[:-1], steps[:-1], strict=True)
     hidden = sum(left * (STEP_TIME + VERTEX_TIME * count) for count, left in coarse) if steps[-1] else 0.0
     return hidden > LEVEL_START * len(vertices) and idle_cores() > 1
