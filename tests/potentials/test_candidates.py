@@ -1,6 +1,7 @@
 """Candidates miss nothing, sums do not depend on them, and steps end before bodies meet."""
 
 import copy
+from itertools import pairwise
 from weakref import WeakKeyDictionary
 
 import ipctk
@@ -151,7 +152,7 @@ def test_lists_are_complete_on_random_walks(d, obstacle, size):
 @pytest.mark.parametrize("d", [2, 3])
 def test_one_search_serves_small_and_common_moves(d):
     """Within the slack, and however far all bodies move together. A move of one body past that is searched anew between
-    bodies; within them a turn, a change of shape and NaN are.
+    bodies. Within them no rigid motion is but by half a turn; changes of shape and NaN are.
     """
     space, candidates = heap(d)
     x = Positions(space, space.from_input(space.mesh.points))
@@ -170,9 +171,12 @@ def test_one_search_serves_small_and_common_moves(d):
     candidates.contacts(candidates.surface.vertices(Positions(space, x.owned + one)), KAPPA)
     assert within.searches == 1 and between.searches == 2
     start, objects = candidates.surface.vertices(x), candidates.surface.objects
-    within.along(start, start + np.linspace(1.0, 30.0, within.primitives.bodies)[objects][:, None])
+    places = [start + np.linspace(1.0, 30.0, within.primitives.bodies)[objects][:, None]]
+    places += [turned(places[0], objects, np.full(within.primitives.bodies, angle)) for angle in (0.4, 0.8, 2.5, 3.5)]
+    for one, other in pairwise(places):
+        within.along(one, other)
     assert within.searches == 1
-    for end in (turned(start, objects, np.full(within.primitives.bodies, 1.0)), 0.3 * start, np.nan * start):
+    for end in (0.3 * start, turned(start, objects, np.full(within.primitives.bodies, 3.1)), np.nan * start):
         before = within.searches
         within.along(start, end)
         assert within.searches > before

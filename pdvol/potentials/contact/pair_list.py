@@ -1,10 +1,17 @@
 """Lists of candidate pairs (Verlet lists), each found by one search and kept while it stays complete.
 
-No distance within an object changes while it is shifted as a whole, and none between two objects that are shifted
+No distance within an object changes while it moves as a rigid body, and none between two objects that are shifted
 alike. A list that was searched at one place is complete while no two primitives can have approached each other by more
 than twice the slack, or come from far away. A longer straight move is searched as a whole, by the boxes that it sweeps:
 its list is as complete near every place on it. What two places near the move have between them is near it, too.
+
+On a straight way between two places of a body that is turned by an angle a, the body is smaller than at the ends, at
+most by the factor cos(a / 2) half way. With V and V' a pair's vectors at the ends, without the turn, its vector at the
+share s is M ((1 - s) V + s V') + s (1 - s) (R - 1) (V' - V), R the turn and M = (1 - s) + s R. So its distance is at
+least cos(a / 2) times that of the way without the turn, less sin(a / 2) / 2 of |V' - V|.
 """
+
+from functools import cached_property
 
 import numpy as np
 
@@ -36,24 +43,22 @@ class Objects:
         self.boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
 
-    def unshifted(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """The end (n, d) of a move without what each object moves by as a whole."""
-        n, end = self._firsts[-1], end.copy()
-        end[:n] -= (self._centres(end) - self._centres(start))[self._primitives.objects]
-        return end
+    def moved_back(self, start: np.ndarray, end: np.ndarray, turned: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        """The end (n, d) of a move without what each object moves by as a whole, and, where `turned`, without its turn;
+        and the turns (objects, 3, 3).
+        """
+        back, turns = end.copy(), np.empty((len(self._sizes), 3, 3))
+        places = pointer(start), pointer(back), pointer(turns)
+        library.move_back(self._primitives.d, len(self._sizes), self._c_firsts, turned, *places)
+        return back, turns
 
-    def _centres(self, vertices: np.ndarray) -> np.ndarray:
-        """(objects, d) mean of each object's vertices."""
-        sums = np.add.reduceat(vertices[: self._firsts[-1]], self._firsts[:-1], axis=0)
-        return sums / self._sizes[:, None]
-
-    def are_near(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray, room: np.ndarray) -> bool:
-        """Whether no two objects can have come nearer to each other at `vertices` (n, d) than by `room` (objects,
-        objects) [m], nor parts of one, since a place on a move from start.
+    def spare(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray, room: np.ndarray) -> float:
+        """The least that is left [m] of `room` (objects, objects) [m], by which two objects, or parts of one, may come
+        nearer to each other, at `vertices` (n, d), since a place on a move from start.
         """
         way = ffi.NULL if move is None else pointer(move)
         places = pointer(start), way, pointer(vertices)
-        return bool(library.are_near(self._primitives.d, len(self._sizes), self._c_firsts, *places, pointer(room)))
+        return library.spare_room(self._primitives.d, len(self._sizes), self._c_firsts, *places, pointer(room))
 
     def fit(self, start: np.ndarray, end: np.ndarray) -> None:
         """Fits the boxes of what is not where it was when they were fitted last."""
@@ -103,6 +108,32 @@ class Pairs:
         self.c.begin, self.c.end = map(pointer, self.way)
 
 
+class Visit:
+    """A place (n, d) beside a list's reference, with what is left there [m] of the room of `Objects.spare`.
+
+    Attributes
+    ----------
+    spare : with the shifts of objects left out
+    turned : with their turns left out, too; and these, (objects, 3, 3)
+    """
+
+    def __init__(
+        self, objects: Objects, reference: tuple[np.ndarray, np.ndarray | None], room: np.ndarray, place: np.ndarray
+    ):
+        self.place, self._objects, self._reference, self._room = place, objects, reference, room
+        self.spare = objects.spare(*reference, place, room)
+
+    @cached_property
+    def turned(self) -> tuple[float, np.ndarray]:
+        back, turns = self._objects.moved_back(self._reference[0], self.place)
+        return self._objects.spare(*self._reference, back, self._room), turns
+
+
+def largest_change(start: np.ndarray, end: np.ndarray) -> float:
+    """A bound of how much the vector between two vertices changes [m] on a move from start to end (n, d)."""
+    return 2.0 * float(np.linalg.norm(end - start, axis=1).max())
+
+
 class PairList:
     """Pairs of vertices and facets, and of edges, that can be within reach of each other, with lower bounds of their
     distances. A bound is the distance that the search or a collision detection has found, less how much nearer the pair
@@ -128,6 +159,8 @@ class PairList:
         self._objects = Objects(primitives, self._allowed.any(axis=0))
         self._slack = LIST_SLACK * primitives.edge_length
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
+        self._visits: list[Visit] = []  # the last ones
+        self._swept = 0.0  # [m] by how much the vectors of pairs within an object change on the reference
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))  # how far two objects may approach each other
         self.pairs = Pairs()
 
@@ -153,20 +186,51 @@ class PairList:
 
     def along(self, start: np.ndarray, end: np.ndarray) -> None:
         """Makes the list complete everywhere on the straight move from start to end (n, d)."""
-        if self.empty or (self._covers(start) and self._covers(end)):
+        if self.empty or self._covers(start, end):
             return
         # what a body moves by as a whole sweeps nothing within it
-        self._search(start, self._objects.unshifted(start, end) if self.within else end)
+        self._search(start, self._within_bodies(start, end) if self.within else end)
 
-    def _covers(self, vertices: np.ndarray) -> bool:
-        """Whether the list is complete at `vertices` (n, d)."""
-        return self._reference is not None and self._objects.are_near(*self._reference, vertices, self._room)
+    def _within_bodies(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """The end of a move without the rigid motions of objects, or without their shifts alone where they turn so far
+        that pairs come near by that.
+        """
+        back, turns = self._objects.moved_back(start, end)
+        if self._lost(np.eye(3), turns, largest_change(start, back)) <= 2.0 * self._slack:
+            return back
+        return self._objects.moved_back(start, end, turned=False)[0]
+
+    def _covers(self, *places: np.ndarray) -> bool:
+        """Whether the list is complete at a place (n, d), or everywhere on the straight way between two."""
+        if self._reference is None:
+            return False
+        known = self._visits
+        self._visits = [
+            next((visit for visit in known if np.array_equal(visit.place, place)), None)
+            or Visit(self._objects, self._reference, self._room, place)
+            for place in places
+        ]
+        if all(visit.spare >= 0.0 for visit in self._visits):
+            return True
+        if not self.within:
+            return False
+        spares, turns = zip(*(visit.turned for visit in self._visits), strict=True)
+        lost = self._lost(turns[0], turns[-1], self._swept)
+        return all(spare >= lost for spare in spares)
+
+    def _lost(self, one: np.ndarray, other: np.ndarray, change: float) -> float:
+        """How much nearer [m] the pairs of an object may be on a straight way between two places than at both, where it
+        is turned by (objects, 3, 3), and their vectors differ by `change` [m].
+        """
+        sine = min(float(np.linalg.norm(one - other, axis=(1, 2)).max()) / 8.0**0.5, 1.0)  # of half the angle
+        return (1.0 - (1.0 - sine**2) ** 0.5) * (self.reach + 2.0 * self._slack) + 0.5 * sine * change
 
     def _search(self, start: np.ndarray, end: np.ndarray) -> None:
         """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
         each other besides.
         """
-        self._reference = start, None if end is start else end - start
+        self._reference, self._visits = (start, None if end is start else end - start), []
+        self._swept = 0.0 if end is start else largest_change(start, end)
         self._objects.fit(start, end)
         apart, distance = self._objects.apart(), self.reach + 2.0 * self._slack
         near = apart <= distance

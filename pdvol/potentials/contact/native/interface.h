@@ -66,8 +66,10 @@ typedef struct {
 } meeting_t;
 
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
-int are_near(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
-             const double *vertices, const double *room);
+void move_back(int d, int64_t objects, const int64_t *firsts, int turned, const double *start, double *vertices,
+               double *turns);
+double spare_room(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
+                  const double *vertices, const double *room);
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
                  const uint8_t *meets, pairs_t *found, int32_t *points, int32_t *edges);
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share,
