@@ -17,6 +17,8 @@ from pdvol.potentials.build import Terms
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Potential, Rates, by_names
 from pdvol.solve.report import Stopwatch
 
+TINY = float(np.finfo(float).tiny)  # stands for a force of zero in a quotient
+
 
 class IncrementalPotential:
     """Inertia and the weighted sum of a level's terms [kg m^2].
@@ -124,9 +126,9 @@ class IncrementalPotential:
         for row, part in zip(most, parts, strict=True):
             squares = np.einsum("nd,nd->n", part, part)[bodies.indices]
             row[filled] = np.maximum.reduceat(squares, bodies.indptr[:-1][filled])
-        sums = self.space.reduce(np.array([bodies @ part for part in parts]))
-        sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("kbd,kbd->kb", sums, sums)])
-        return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), np.finfo(float).tiny)))
+        sums = self.space.reduce((bodies @ np.hstack(parts)).reshape(len(filled), len(parts), -1))
+        sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("bkd,bkd->kb", sums, sums)])
+        return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), TINY)))
 
     def rows_of_bodies(self, chosen: np.ndarray | None = None) -> csr_array:
         """(bodies, n_owned): one where this rank's row, of the `chosen` (n_owned,), is of a body."""

@@ -111,6 +111,7 @@ class Solve:
     Attributes
     ----------
     states : the last two configurations, so that terms share what they derived from them (`Positions.get`)
+    vectors : by the handle of a vector of PETSc, the number of changes to it, and its configuration then
     tolerance : [m/s], the relative one of the present state included
     report : NewtonReport
     projection : of the next Hessian
@@ -130,6 +131,7 @@ class Solve:
     states: list[Positions]
     tolerance: float
     gradient: np.ndarray
+    vectors: dict[int, tuple[int, Positions]] = field(default_factory=dict)
     report: NewtonReport = field(default_factory=NewtonReport)
     projection: str = "clamp"
     unprojected_failed: bool = False

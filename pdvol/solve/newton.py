@@ -88,8 +88,15 @@ class Newton:
     # ---- callbacks
 
     def _positions(self, vector: PETSc.Vec) -> Positions:
-        """The configuration of a vector, of the last two if it is one of them; a new one, which then is the last, where
-        it is not. Collective.
+        """The configuration of a vector, found once for each of its states. Collective."""
+        known, state = self._solve.vectors.get(vector.handle), vector.stateGet()
+        if known is None or known[0] != state:
+            known = self._solve.vectors[vector.handle] = state, self._configuration(vector)
+        return known[1]
+
+    def _configuration(self, vector: PETSc.Vec) -> Positions:
+        """Of the last two configurations that of a vector; a new one, which then is the last, where it is neither.
+        Collective.
         """
         solve, array = self._solve, vector.getArray(readonly=True).reshape(-1, self.space.dim)
         alike: Iterable[bool] = (bool((known.owned == array).all()) for known in solve.states)

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.potentials.contact.native import ffi, library
-from pdvol.potentials.contact.pair_list import PairList
+from pdvol.potentials.contact.pair_list import PairList, same
 from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import LEAST_LEFT
 
@@ -223,7 +223,7 @@ class Candidates:
         if self._clear is None:
             return False
         *way, share = self._clear
-        return share == gap_share and all(map(np.array_equal, way, (start, end)))
+        return share == gap_share and all(map(same, way, (start, end)))
 
     def _additive_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, whole: bool = False) -> float:
         """The step by conservative advancement; `whole` says that only a step of 1 is of interest."""

@@ -129,6 +129,11 @@ class Visit:
         return self._objects.spare(*self._reference, back, self._room), turns
 
 
+def same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two arrays have the same numbers."""
+    return one is other or np.array_equal(one, other)
+
+
 def largest_change(start: np.ndarray, end: np.ndarray) -> float:
     """A bound of how much the vector between two vertices changes [m] on a move from start to end (n, d)."""
     return 2.0 * float(np.linalg.norm(end - start, axis=1).max())
@@ -148,6 +153,7 @@ class PairList:
     Attributes
     ----------
     pairs : Pairs
+    empty : whether no pairs are possible at all
     searches : number of searches so far
     """
 
@@ -156,6 +162,7 @@ class PairList:
         numbers, owned = np.arange(len(primitives.roots) - 1), primitives.owned_objects
         same = numbers[:, None] == numbers
         self._allowed = same & owned if within else ~same & (owned[:, None] | owned)
+        self.empty = not self._allowed.any()
         self._objects = Objects(primitives, self._allowed.any(axis=0))
         self._slack = LIST_SLACK * primitives.edge_length
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
@@ -173,11 +180,6 @@ class PairList:
     def edges(self) -> np.ndarray:
         """(k, 2) int32: both edges of each pair."""
         return self.pairs.room[1][: self.pairs.c.n_edges]
-
-    @property
-    def empty(self) -> bool:
-        """Whether no pairs are possible at all."""
-        return not self._allowed.any()
 
     def at(self, vertices: np.ndarray) -> None:
         """Makes the list complete at `vertices` (n, d)."""
@@ -206,7 +208,7 @@ class PairList:
             return False
         known = self._visits
         self._visits = [
-            next((visit for visit in known if np.array_equal(visit.place, place)), None)
+            next((visit for visit in known if same(visit.place, place)), None)
             or Visit(self._objects, self._reference, self._room, place)
             for place in places
         ]

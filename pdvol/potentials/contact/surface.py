@@ -63,6 +63,7 @@ class ContactSurface:
         numbers = np.array([bodies + obstacles.index(o) for o in self._placed], dtype=np.int64)
         of_bodies = level.point_bodies[self.surface].astype(np.int64)
         self.objects = np.concatenate([of_bodies, np.repeat(numbers, sizes)])
+        self._moves = any(o.moves for o in obstacles)
         self.obstacle_positions = self._obstacles_at(0.0)
         self.version = 0
 
@@ -101,8 +102,8 @@ class ContactSurface:
 
     def move_obstacles(self, time: float) -> bool:
         """Puts the obstacles where they are at `time` [s]. Returns whether any of them moved."""
-        positions = self._obstacles_at(time)
-        changed = not np.array_equal(positions, self.obstacle_positions)
+        positions = self._obstacles_at(time) if self._moves else self.obstacle_positions
+        changed = self._moves and not np.array_equal(positions, self.obstacle_positions)
         if changed:
             self.obstacle_positions, self.version = positions, self.version + 1
         return changed
@@ -112,7 +113,7 @@ class ContactSurface:
         time [s] of the present span, or where they were at an earlier one, late by their `lags` [s]. First use per x is
         collective.
         """
-        if at is not None:
+        if at is not None and self._moves:
             return np.concatenate([self.of_bodies(x.owned), self._obstacles_at(at, lags)])
         find = lambda: np.concatenate([self.of_bodies(x.owned), self.obstacle_positions])
         return x.get((self, "vertices"), find, self.version)
