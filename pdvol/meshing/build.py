@@ -23,13 +23,13 @@ from pdvol.geometry.flat_faces import FlatFaces
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets, simplex_centres
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import cache as mesh_cache
-from pdvol.meshing.cpu_budget import cpu_budget
+from pdvol.meshing.cpu_budget import cpu_budget, spend
 from pdvol.meshing.decimate import decimate
 from pdvol.meshing.edge_length import SizedMesh, UnreachableCount
 from pdvol.meshing.point_caches import cached_surface, edges_or_faces
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.remesh import Unsuited, remesh
-from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
+from pdvol.meshing.tetrahedralise import LEAST_OF_A_PART, surface_share, tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
 from pdvol.meshing.verdict import Boundary, check_place, judge, place_of
@@ -210,6 +210,8 @@ def _meshed(
         def make(count: int) -> SizedMesh:
             if not isinstance(boundary, Surface):
                 return triangulate(boundary, count, what)
+            if count < LEAST_OF_A_PART:
+                raise MeshError(f"{what}: {count} vertices are too few for a solid; ask for {LEAST_OF_A_PART} or more")
             try:
                 return remesh(boundary, count, what)
             except (Unsuited, UnreachableCount):
@@ -237,6 +239,9 @@ def _meshed(
     pool = ThreadPoolExecutor(SIDE_BY_SIDE)
     try:
         return list(pool.map(fetch, range(levels)))
+    except KeyboardInterrupt:
+        spend()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 

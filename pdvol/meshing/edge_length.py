@@ -26,8 +26,8 @@ FINER = 0.94
 MORE_VERTICES = 2
 """Factor on a target for which no mesh is valid: edges a quarter shorter, which holes and thin walls often need."""
 
-BASE_CPU_SECONDS = 30.0
-"""Processor time [s] that one call of a mesher may use, whatever the target: 20 times what a coarse mesh takes."""
+BASE_CPU_SECONDS = 12.0
+"""Processor time [s] that one call of a mesher may use, whatever the target: 8 times what a coarse mesh takes."""
 CPU_SECONDS_PER_VERTEX = 0.02
 """Processor time [s] that one call of a mesher may use per vertex of the target: two to ten times what is measured."""
 

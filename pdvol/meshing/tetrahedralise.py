@@ -52,8 +52,8 @@ MIN_BOUNDARY_VERTICES = 12
 """Number of vertices below which a surface is not decimated: those of an icosahedron."""
 
 LEAST_OF_A_PART = 20
-"""Number of vertices that a part of a body is asked for at least: fTetWild takes 8 s for a ball of 20, and gives up on
-one of 14 after 30 s.
+"""Number of vertices that a body, or a part of one, is asked for at least: fTetWild takes 8 s for a ball of 20, and
+gives up on one of 14 after 30 s.
 """
 
 

@@ -139,7 +139,11 @@ class Body(Element):
                 " a level, or none where all are volume meshes",
             )
         else:
-            require(given > 0, f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level")
+            require(
+                given > 0,
+                f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level; a volume mesh that"
+                " is taken as it is stands in a tuple, one per level",
+            )
         require(given <= MOST_LEVELS, f"body {self.name!r}: {given} vertex targets; {MOST_LEVELS} levels are the most")
         for v in self.vertices:
             require(
