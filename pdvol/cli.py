@@ -18,6 +18,10 @@ from pdvol.runs.known_scenes import trusting
 from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import reported_to
 
+GO_ON = dict.fromkeys(("run", "preview"), "go on with --resume")
+GO_ON |= dict.fromkeys(("refine", "pick", "wedge", "study"), "the same command goes on")
+"""How each verb that simulates goes on after an interrupt."""
+
 
 def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> NoReturn:
     """The `pdvol` command, which ends the process with an exit code.
@@ -55,7 +59,9 @@ def run(arguments: Sequence[str]) -> int:
     except SimulationError as error:
         return _end(error, 1)
     except KeyboardInterrupt:
-        return _end("interrupted; finished steps are kept, go on with --resume", 130)
+        verb = next(iter(arguments), "")
+        kept = f"; finished steps are kept, {GO_ON[verb]}" if verb in GO_ON else ""
+        return _end(f"interrupted{kept}", 130)
     except BrokenPipeError:
         sys.stdout = open(os.devnull, "w")  # the reader of the output has ended
         return 0
