@@ -61,7 +61,7 @@ class Outputs:
         except LevelError as error:
             from pdvol.store.folder import holds_run
 
-            if not holds_run(self.out):
+            if error.level == 0 or not holds_run(self.out):  # what it may hold is an earlier command's
                 raise
             self._refused = error
 
