@@ -27,7 +27,7 @@ def main(options: Namespace) -> None:
     from pdvol.stages import stage
 
     with stage("loading the solver"):
-        from pdvol.runs.known_scenes import allow
+        from pdvol.runs.known_scenes import allow, is_own_run
         from pdvol.runs.runner import refine_run
         from pdvol.runs.scene_file import stored_file, stored_shot
         from pdvol.store.folder import require_scene
@@ -43,11 +43,12 @@ def main(options: Namespace) -> None:
     require_scene(source, stored)
     out = options.out or Path("runs") / f"{Path(stored['scene']).name}_pick{entry['number']}"
     file = stored_file(stored)
-    allow(file, stored["parameters"], trusted=False)
+    if not (own := is_own_run(source, file)):
+        allow(file, stored["parameters"], trusted=False)
     scores = chosen_scores(list(entry["scores"]), file, trusted=False)
     if options.refine:
         with stage(f"loading {file}"):
-            finest = stored_shot(stored).scene.levels - 1
+            finest = stored_shot(stored, own).scene.levels - 1
     take_out(source, out)
     outputs = Outputs(options, out)
     if options.refine:
