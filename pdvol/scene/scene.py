@@ -179,6 +179,7 @@ SETTINGS = {
     "barrier.stiffness": "Barrier",
     "friction.iterations": "Friction",
     "dt": "scene",
+    "steps": "scene",
     "integrator": "scene",
     "elements": "scene",
     "jitter": "scene",
