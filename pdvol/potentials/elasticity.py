@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import ufl
 
+from pdvol.errors import InputError
 from pdvol.forms.elasticity import GUARDED, volume_barrier
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
@@ -19,6 +20,8 @@ from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.assembly.native import library, pointer
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
+
+TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the square root of round-off
 
 Shares = Callable[[float], np.ndarray]
 """What gives values (m,) of the mesh's cells at a time [s]."""
@@ -56,6 +59,8 @@ class Elastic(CellEnergy):
             oriented=True,
         )
         self._shares = shares
+        if not psi.__module__.startswith("pdvol."):  # a law of the user's
+            self._require_stable(material)
         self._lame = {name: parameters[name] for name in ("mu", "lmbda")}
 
     def set_time(self, time: float) -> None:
@@ -66,6 +71,22 @@ class Elastic(CellEnergy):
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self.set_time(t1)
+
+    def _require_stable(self, material: str) -> None:
+        """Raises InputError where the energy of bodies at rest falls as they are stretched or sheared either way: no
+        step would have a minimum. Collective.
+        """
+        rest = self.space.mesh.points
+        energy = lambda A: self.value(Positions(self.space, self.space.from_input(rest + rest @ A)))
+        axes, still = np.eye(self.space.dim), energy(np.zeros((self.space.dim,) * 2))
+        pairs = combinations_with_replacement(range(self.space.dim), 2)
+        strains = [0.5 * TRIED_STRAIN * (np.outer(axes[i], axes[j]) + np.outer(axes[j], axes[i])) for i, j in pairs]
+        bends = [energy(strain) - 2.0 * still + energy(-strain) for strain in strains]
+        if max(bends) <= 0.0 and min(bends) < 0.0:
+            raise InputError(
+                f"{material}.psi has no minimum near F = I: it falls whichever way a body is stretched or sheared;"
+                " check the signs of its terms"
+            )
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
