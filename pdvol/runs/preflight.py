@@ -363,7 +363,9 @@ def _check_mesh(file: Path) -> tuple[str, list[str]]:
     read, notes = read_with_notes(file)
     check_place(place_of(read), str(file))
     shape, _, found = judge(read, str(file))
-    return f"{file}: {_in_words(shape)}, sound", [f"note: {file}: {note}" for note in notes + found]
+    low, high = (f"({', '.join(f'{x:.3g}' for x in end(place_of(shape), axis=0))})" for end in (np.min, np.max))
+    line = f"{file}: from {low} to {high} m, {_in_words(shape)}, sound"
+    return line, [f"note: {file}: {note}" for note in notes + found]
 
 
 def _in_words(shape: Outline | Surface | Solid) -> str:

@@ -67,8 +67,8 @@ def moment(name: str, value: Any) -> None:
 
 def vector(name: str, value: Any) -> None:
     """Two or three finite components, as `plain` leaves them."""
-    flat = isinstance(value, tuple) and not any(isinstance(component, tuple) for component in value)
-    require(flat and len(value) in (2, 3), f"{name} = {_shown(value)} must have two or three components")
+    sized = isinstance(value, tuple) and len(value) in (2, 3)
+    require(sized, f"{name} = {_shown(value)} must have two or three components")
     for component in value:
         finite(name, component)
 
@@ -81,9 +81,7 @@ def direction(name: str, value: Any) -> None:
 
 def sequence(name: str, value: Any) -> None:
     """A tuple or a list."""
-    require(
-        isinstance(value, (tuple, list)), f"{name} must be a tuple, as in {name}=(..., ), not {type(value).__name__}"
-    )
+    require(isinstance(value, (tuple, list)), f"{name} must be a tuple, as ({_shown(value)},), not {_shown(value)}")
 
 
 def ascending(name: str, value: Any) -> None:

@@ -1,0 +1,104 @@
+"""What new users do in their first hour: each has a line that helps, at once, and costs nothing that was there."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cli_scenes import pdvol, write
+from pdvol import InputError, march, open_run
+from pdvol.runs.scene_file import load_shot
+
+SCENE = """
+from pdvol import *
+from pdvol import meshes
+
+def scene(vertices=(60,), shape="cow.obj"):
+    return Scene((Body(shape, NeoHookean(1e4), vertices, name="cow"),), loads=(Gravity((0.0, -9.81, 0.0)),), dt=0.01,
+                 steps=2)
+"""
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+LAW = """
+from dataclasses import dataclass
+from pdvol import *
+
+@dataclass(frozen=True)
+class Law(Material):
+    @staticmethod
+    def psi(F, mu, lmbda):
+        return {sign}NeoHookean.psi(F, mu, lmbda)
+
+def scene():
+    square = Outline([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    return Scene((Body(square, Law(1e4), (12,), name="square"),), dt=0.01, steps=2)
+"""
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "cow.obj", OBJ)
+    return write(tmp_path / "scene.py", SCENE)
+
+
+def test_steps_are_a_setting(scene, tmp_path):
+    assert pdvol("preview", scene, "--set", "steps=1", "--no-picture", "--out", tmp_path / "run") == 0
+    assert open_run(tmp_path / "run").info["steps"] == 1
+
+
+def test_too_few_vertices_are_refused_at_once_and_leave_an_earlier_preview(scene, tmp_path, capsys):
+    words = ["preview", scene, "--no-xdmf", "--out", tmp_path / "run"]
+    assert pdvol(*words) == 0
+    before = (tmp_path / "run" / "picture.png").stat().st_mtime_ns
+    capsys.readouterr()
+    begin = time.monotonic()
+    assert pdvol(*words, "--set", "vertices=(9,)") == 2
+    said = capsys.readouterr().err
+    assert said.endswith("9 vertices are too few for a solid; ask for 20 or more\n") and "picture" not in said
+    assert (tmp_path / "run" / "picture.png").stat().st_mtime_ns == before
+    assert time.monotonic() - begin < 10.0
+
+
+def test_an_interrupt_ends_the_meshers(scene, tmp_path):
+    words = ["--set", "vertices=(20000,)", "--out", str(tmp_path / "run")]
+    env = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    command = [sys.executable, "-m", "pdvol", "preview", str(scene), *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=env) as process:
+        while not _children(process.pid):
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        begin = time.monotonic()
+        said = process.communicate()[1]
+    assert process.returncode == 130 and said.endswith("go on with --resume\n")
+    assert time.monotonic() - begin < 20.0 and not (tmp_path / "run").exists()
+
+
+def _children(process: int) -> str:
+    try:
+        return Path(f"/proc/{process}/task/{process}/children").read_text() + "".join(
+            task.joinpath("children").read_text() for task in Path(f"/proc/{process}/task").iterdir()
+        )
+    except FileNotFoundError:
+        return "ended"
+
+
+def test_a_law_with_a_wrong_sign_is_refused(tmp_path):
+    for sign in ("", "2.0 * "):
+        list(march(load_shot(write(tmp_path / f"right{len(sign)}.py", LAW.format(sign=sign))).scene))
+    with pytest.raises(InputError, match=r"Law\.psi has no minimum near F = I"):
+        next(march(load_shot(write(tmp_path / "wrong.py", LAW.format(sign="-"))).scene))
+
+
+def test_a_mesh_is_described_by_its_box(scene, capsys):
+    assert pdvol("check", scene.parent / "cow.obj") == 0
+    assert "from (0, 0, 0) to (1, 1, 1) m, surface of 4 vertices" in capsys.readouterr().out
+
+
+def test_a_pick_is_refined_after_an_edit_of_its_scene(scene, tmp_path):
+    assert pdvol("wedge", scene, "--vary", "dt=0.01,0.02", "--no-picture", "-o", tmp_path / "w") == 0
+    write(scene, SCENE + "# edited\n")
+    assert pdvol("pick", tmp_path / "w", 1, "--refine", "--to", 0, "-o", tmp_path / "picked") == 0
