@@ -14,9 +14,10 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from unittest.mock import patch
 
-from benchmarks.common import process, rows
-from benchmarks.common.process import REPOSITORY
+from benchmarks.common import rows
+from benchmarks.common.process import REPOSITORY, Failure
 from benchmarks.common.rows import EVERYDAY, EXTREMES, ROWS
+from benchmarks.common.study import command, each
 from benchmarks.common.tables import table
 from pdvol import PdvolError, open_run
 from pdvol.integrate.stepper import Stepper
@@ -28,28 +29,27 @@ from pdvol.solve import newton
 from pdvol.solve.linear import solver
 from pdvol.solve.linear.solver import LinearSolver
 
-ENVELOPE = {
-    name: rows.scene(name, None, EXTREMES)
-    for name in (
-        "young_1e2",
-        "young_1e9",
-        "dt_0.1",
-        "impact_10000",
-        "impact_sheet_100",
-        "mu_10",
-        "mass_ratio_1e6_heavy_above",
-        "compress_99_poisson_0",
-        "spin_30",
-        "size_1mm",
-        "size_0.1mm_thrown_dt_1e-4",
-        "twist_20_turns_one_cell_thick",
-    )
-}
+ENVELOPE = (
+    "young_1e2",
+    "young_1e9",
+    "dt_0.1",
+    "impact_10000",
+    "impact_sheet_100",
+    "mu_10",
+    "mass_ratio_1e6_heavy_above",
+)
+ENVELOPE += (
+    "compress_99_poisson_0",
+    "spin_30",
+    "size_1mm",
+    "size_0.1mm_thrown_dt_1e-4",
+    "twist_20_turns_one_cell_thick",
+)
 """Rows of benchmarks.extremes."""
 SHORTER = {"drop_4k": 70, "blocks": 45, "stack": 60, "balls": 45, "jelly_bowl": 40}
 SHORTER |= {"twist_20_turns_one_cell_thick": 100}
 """Steps of scenes that take long."""
-KNOWN = {**ROWS, **ENVELOPE}
+KNOWN = {**ROWS, **{name: rows.scene(name, None, EXTREMES) for name in ENVELOPE}}
 USUAL = (*EVERYDAY, "impact_45", "impact_100", "impact_150", "struck_15", *ENVELOPE)
 RULES: dict[str, Callable[[], AbstractContextManager]] = {
     "all": nullcontext,
@@ -86,28 +86,31 @@ def cell(found: tuple[int, int, float] | None, whole: tuple[int, int, float]) ->
     return ", ".join(f"{a / max(b, 1e-9):.2f}" for a, b in zip(found, whole, strict=True))
 
 
-def main(words: list[str] | None = None) -> int:
+@command(
+    "ablation",
+    __doc__,
+    {
+        "rules": {"nargs": "?", "default": "", "help": ", ".join(RULES)},
+        "--rows": {**rows.NAMES, "help": ", ".join(KNOWN)},
+    },
+)
+def main(options) -> None:
     """Runs the command; returns its exit code."""
-    parser = process.parser("ablation", __doc__)
-    parser.add_argument("rules", nargs="?", default="", help=", ".join(RULES))
-    parser.add_argument("--rows", default="", help=", ".join(KNOWN))
-    options = parser.parse_args(words)
-    try:
-        rules = [rule for rule in rows.chosen(options.rules, RULES) if rule != "all"]
-        names = rows.chosen(options.rows, KNOWN, USUAL)
-    except process.Mistake as error:
-        print(f"benchmarks.ablation: {error}", file=sys.stderr)
-        return 2
-    lines = []
-    for name in names:
-        whole = march(name, "all")
-        if whole is None:
-            return 1
+    rules = [rule for rule in rows.chosen(options.rules, RULES) if rule != "all"]
+
+    def measured(name: str) -> dict:
+        found = {rule: march(name, rule) for rule in ("all", *rules)}
+        if found["all"] is None:
+            raise Failure(f"{name} fails with all rules")
+        return found
+
+    def cells(name: str, found: dict) -> list[list[str]]:
+        whole = found["all"]
         counts = f"{whole[0]:,}, {whole[1]:,}, {whole[2]:.1f}"
-        lines.append([name, counts, *(cell(march(name, rule), whole) for rule in rules)])
-        print(" | ".join(lines[-1]), file=sys.stderr, flush=True)
+        return [[name, counts, *(cell(found[rule], whole) for rule in rules)]]
+
+    lines = each(rows.chosen(options.rows, KNOWN, USUAL), measured, cells)
     print(table(["row", "all rules", *(f"without {rule}" for rule in rules)], lines))
-    return 0
 
 
 if __name__ == "__main__":

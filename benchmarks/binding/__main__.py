@@ -3,8 +3,7 @@ after small ones are dropped (paper, figures "snapping coarse boundary vertices"
 
     ./run python -m benchmarks.binding
 
-It writes the tables of docs/binding.md between their markers, and the page's pictures. The exit code is 2 for a wrong
-command line.
+It writes the tables of docs/binding.md between their markers, and the page's pictures.
 """
 
 import sys
@@ -18,9 +17,9 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from benchmarks.binding.figures import draw_locality, draw_snapping
-from benchmarks.common import process
-from benchmarks.common.commits import MissingObject, Repository
-from benchmarks.common.process import REPOSITORY, Mistake
+from benchmarks.common import commits
+from benchmarks.common.process import REPOSITORY
+from benchmarks.common.study import command
 from benchmarks.common.tables import Page, number, table
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding, bind
@@ -58,14 +57,10 @@ class Pair:
     @cached_property
     def meshes(self) -> tuple[LevelMesh, LevelMesh]:
         """Coarse and fine."""
-        levels = build_levels(load_shot(REPOSITORY / "demos" / f"{self.demo}.py", self.settings).scene)
+        settings = {"vertices": self.vertices} if self.vertices else {}
+        levels = build_levels(load_shot(REPOSITORY / "demos" / f"{self.demo}.py", settings).scene)
         coarse, fine = (levels[level].body(self.body)[0] for level in (self.level, self.level + 1))
         return coarse, fine
-
-    @property
-    def settings(self) -> dict:
-        """Of the demo's scene."""
-        return {"vertices": self.vertices} if self.vertices else {}
 
     @property
     def name(self) -> str:
@@ -79,42 +74,29 @@ SIMILAR, SEAHORSE = Pair("extreme_shapes", 1, 0, (260, 330)), Pair("extreme_shap
 PAIRS = (SIMILAR, SEAHORSE, Pair("slit_array", 0, 6), Pair("drop", 0, 0), Pair("ape", 0, 2))
 
 
-def main(words: list[str] | None = None) -> int:
+@command(
+    "binding",
+    __doc__,
+    {"--docs": {"type": Path, "default": REPOSITORY / "docs" / "binding.md", "help": "where tables are kept"}},
+)
+def main(options) -> None:
     """Runs the command; returns its exit code."""
-    parser = process.parser("binding", __doc__)
-    parser.add_argument("--docs", type=Path, default=REPOSITORY / "docs" / "binding.md", help="where tables are kept")
-    options = parser.parse_args(words)
-    try:
-        page = Page(options.docs, "binding")
-    except (Mistake, OSError) as error:
-        print(f"benchmarks.binding: {error}", file=sys.stderr)
-        return 2
+    page, pictures = Page(options.docs, "binding"), options.docs.parent / "pictures"
     snapped, local = [], []
     for pair in PAIRS:
         coarse, fine = pair.meshes
         places = {"boundary": snap(coarse, fine, boundary_only=True), "all": snap(coarse, fine)}
         snapped.append(snapping_row(pair, places))
-        if pair is SIMILAR:
-            draw_snapping(options.docs.parent / "pictures" / "binding_snapping.png", coarse, fine, places)
         weights = all_weights(pair)
         local.append(locality_row(pair, *weights))
+        if pair is SIMILAR:
+            draw_snapping(pictures / "binding_snapping.png", coarse, fine, places)
         if pair is SEAHORSE:
-            draw_locality(options.docs.parent / "pictures" / "binding_locality.png", coarse, fine, *weights)
-    report = (
-        f"Measured at commit {commit()}.\n\n### Snapping\n\n{table(SNAPPING_HEAD, snapped)}\n\n"
-        f"### Locality\n\n{table(LOCALITY_HEAD, local)}"
-    )
+            draw_locality(pictures / "binding_locality.png", coarse, fine, *weights)
+    tables = f"### Snapping\n\n{table(SNAPPING_HEAD, snapped)}\n\n### Locality\n\n{table(LOCALITY_HEAD, local)}"
+    report = f"Measured at commit {commits.Repository(REPOSITORY).head()[:7]}.\n\n{tables}"
     print(report)
     page.write(report)
-    return 0
-
-
-def commit() -> str:
-    """The commit that is checked out."""
-    try:
-        return Repository(REPOSITORY).head()[:7]
-    except MissingObject:
-        return "unknown"
 
 
 def snap(coarse: LevelMesh, fine: LevelMesh, boundary_only: bool = False) -> np.ndarray:
@@ -128,20 +110,9 @@ def snap(coarse: LevelMesh, fine: LevelMesh, boundary_only: bool = False) -> np.
     return snapped
 
 
-SNAPPING_HEAD = [
-    "levels",
-    "vertices",
-    "coarse cells",
-    "worst cell: as made",
-    "boundary snapped",
-    "all snapped",
-    f"cells below {POOR:g}: as made",
-    "boundary snapped",
-    "all snapped",
-    "flat or inverted: boundary snapped",
-    "all snapped",
-    "vertices that meet another one",
-]
+SNAPPING_HEAD = ["levels", "vertices", "coarse cells", "worst cell: as made", "boundary snapped", "all snapped"]
+SNAPPING_HEAD += [f"cells below {POOR:g}: as made", "boundary snapped", "all snapped"]
+SNAPPING_HEAD += ["flat or inverted: boundary snapped", "all snapped", "vertices that meet another one"]
 
 
 def snapping_row(pair: Pair, places: dict[str, np.ndarray]) -> list[str]:
@@ -172,17 +143,10 @@ def all_weights(pair: Pair) -> tuple[sp.csr_matrix, np.ndarray, sp.csr_matrix]:
     return barycentric, whole, make_local([whole], barycentric, coarse.mesh.points, fine.mesh.points)
 
 
-LOCALITY_HEAD = [
-    "levels",
-    "vertices",
-    "weights a vertex: barycentric",
-    "biharmonic before",
-    f"of these above {SMALL:g}",
-    "biharmonic after",
-    "largest change of a vertex's weights, summed",
-    "distance [coarse edges] within which 99 % of the weights lie: before, after",
-    "affine fields are missed by, after",
-]
+LOCALITY_HEAD = ["levels", "vertices", "weights a vertex: barycentric", "biharmonic before"]
+LOCALITY_HEAD += [f"of these above {SMALL:g}", "biharmonic after", "largest change of a vertex's weights, summed"]
+LOCALITY_HEAD += ["distance [coarse edges] within which 99 % of the weights lie: before, after"]
+LOCALITY_HEAD += ["affine fields are missed by, after"]
 
 
 def locality_row(pair: Pair, barycentric: sp.csr_matrix, whole: np.ndarray, local: sp.csr_matrix) -> list[str]:

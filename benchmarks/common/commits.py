@@ -18,13 +18,7 @@ class MissingObject(Mistake):
 
 
 class Repository:
-    """The objects of the repository whose work tree is `folder` (a worktree will do).
-
-    Raises
-    ------
-    MissingObject
-        There is no repository.
-    """
+    """The objects of the repository whose work tree is `folder`; MissingObject where there is none."""
 
     def __init__(self, folder: Path):
         try:
@@ -41,13 +35,7 @@ class Repository:
             return ""
 
     def full(self, start: str) -> str:
-        """The one object whose id begins with `start` (four digits or more).
-
-        Raises
-        ------
-        MissingObject
-            There is none, or more than one.
-        """
+        """The one object whose id begins with `start` (four digits or more); MissingObject where it is not one."""
         if not re.fullmatch("[0-9a-f]{4,40}", start):
             raise MissingObject(f"{start!r} is no commit's id, or less than four digits of one")
         found = set(self._repo.object_store.iter_prefix(start.encode()))
@@ -61,13 +49,7 @@ class Repository:
         return found.type_name.decode(), found.as_raw_string()
 
     def files(self, commit: str) -> Iterator[tuple[str, bytes]]:
-        """Paths and contents of a commit's files; links and submodules are left out.
-
-        Raises
-        ------
-        MissingObject
-            Also where the object is no commit.
-        """
+        """Paths and contents of a commit's files, without links and submodules; MissingObject where it is none."""
         found = self._object(commit)
         if not isinstance(found, Commit):
             raise MissingObject(f"{commit} is a {found.type_name.decode()}, not a commit")

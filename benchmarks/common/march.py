@@ -44,16 +44,9 @@ def start(
     """
     shutil.rmtree(out, ignore_errors=True)
     out.with_suffix(".json").unlink(missing_ok=True)
-    asked = {
-        "code": str(code),
-        "clock": "cpu" if ranks == 1 else "wall",
-        "limit": row.limit,
-        "file": str(REPOSITORY / row.file),
-        "settings": row.settings,
-        "steps": row.steps if steps is None else steps,
-        "levels": None if whole else (0, row.level),
-        "out": str(out),
-    }
+    asked = {"code": str(code), "clock": "cpu" if ranks == 1 else "wall", "limit": row.limit, "out": str(out)}
+    asked |= {"file": str(REPOSITORY / row.file), "settings": row.settings}
+    asked |= {"steps": row.steps if steps is None else steps, "levels": None if whole else (0, row.level)}
     python = [sys.executable]
     if ranks > 1:  # mpi4py's own runner ends all ranks when one of them fails alone
         python = [shutil.which("mpirun") or "mpirun", "-n", str(ranks), sys.executable, "-m", "mpi4py"]
@@ -98,13 +91,8 @@ def end(path: Path, level: int = 0) -> dict:
     run = open_run(path)
     found = run.levels[level]
     step = found.steps - 1
-    return {
-        "rest": found.rest,
-        "last": found.positions(step),
-        "cells": found.cells,
-        "step": step,
-        "diagonal": run.info["diagonal"],
-    }
+    state = {"rest": found.rest, "last": found.positions(step), "cells": found.cells}
+    return {**state, "step": step, "diagonal": run.info["diagonal"]}
 
 
 def distances(one: Mapping, other: Mapping) -> np.ndarray | None:

@@ -1,9 +1,8 @@
-"""Processes of a study: a child with one thread and a limit of time, the machine, and its pace.
+"""Processes of a study: a child with one thread and a limit of time, and the machine.
 
 Nothing here loads numpy or pdvol: a child's peak memory (ru_maxrss) begins with its parent's.
 """
 
-import argparse
 import os
 import re
 import signal
@@ -20,37 +19,17 @@ class Mistake(Exception):
     """A mistake of the user's, with what to correct in one line."""
 
 
-def parser(name: str, doc: str | None) -> argparse.ArgumentParser:
-    """The parser of the study `name`, described by the first line of its module's text."""
-    return argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=(doc or "").partition("\n")[0])
+class Failure(Mistake):
+    """A run without which a study cannot go on did not come to its end."""
 
 
 def machine() -> dict:
     """Processor, cores, memory [GB] and load."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
-    processor = next(
-        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown processor"
-    )
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-    return {
-        "processor": processor,
-        "cores": len(os.sched_getaffinity(0)),
-        "memory_gb": total,
-        "load": os.getloadavg()[0],
-    }
-
-
-def fixed_loop() -> float:
-    """Milliseconds that a fixed loop takes the interpreter, the best of five: it shows how much of its speed other work
-    on the host leaves.
-    """
-    taken = []
-    for _ in range(5):
-        begin, total = time.perf_counter(), 0
-        for i in range(300_000):
-            total += i * i
-        taken.append(time.perf_counter() - begin)
-    return 1e3 * min(taken)
+    found = {"processor": next(named, "unknown processor"), "cores": len(os.sched_getaffinity(0))}
+    return {**found, "memory_gb": total, "load": os.getloadavg()[0]}
 
 
 def peak_memory() -> float:
@@ -66,13 +45,13 @@ def peak_memory() -> float:
 # ---- a child
 
 
-def child(command: list[str], limit: float, log: Path, output: Path | None = None) -> str:
+def child(command: list[str], limit: float, log: Path) -> str:
     """Runs a command with one thread, and this repository on its path. Returns an empty text when it succeeds, else the
     last line it printed.
     """
     path = os.pathsep.join(filter(None, [str(REPOSITORY), os.environ.get("PYTHONPATH")]))
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
-    with log.open("w") as errors, (output or log.with_suffix(".out")).open("w") as out:
+    with log.open("w") as errors, log.with_suffix(".out").open("w") as out:
         begin = time.monotonic()
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=out, stderr=errors, env=environment, start_new_session=True

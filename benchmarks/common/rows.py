@@ -29,6 +29,10 @@ class Row:
     level: int = 0
     limit: float = 1200.0
 
+    def most(self, steps: int | None) -> int | None:
+        """The row's steps, or `steps` where these are fewer."""
+        return min((count for count in (self.steps, steps) if count is not None), default=None)
+
 
 def scene(name: str, steps: int | None, file: str = f"{SCENES}/peers.py", title: str = "", **more) -> Row:
     """A row of a file with many scenes."""
@@ -87,6 +91,8 @@ ROWS = {
 """By name, the cheap ones first."""
 EVERYDAY = ("flight", "drop_500", "twistx_1k", "plates", "blocks", "drop_4k", "stack", "balls", "jelly_bowl")
 """What runs unless other rows are named."""
+NAMES = {"default": "", "metavar": "NAME,..."}
+"""Of an option that takes names, for `chosen`."""
 
 
 def chosen(text: str, known: Iterable[str], usual: Iterable[str] | None = None) -> list[str]:

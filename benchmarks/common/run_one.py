@@ -99,8 +99,7 @@ def main(words: str) -> int:
     outcome, reason = "done", ""
     try:
         shot = load_shot(asked["file"], asked["settings"], asked["steps"])
-        levels = asked["levels"] or (0, None)
-        run_scene(shot, asked["out"], *levels, progress=lambda *_: timer)
+        run_scene(shot, asked["out"], *(asked["levels"] or (0, None)), progress=lambda *_: timer)
     except TimeUp:
         outcome = "time"
     except pdvol.PdvolError as error:

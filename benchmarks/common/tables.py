@@ -2,10 +2,11 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from benchmarks.common.process import Mistake, machine
+from benchmarks.common.study import each
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -34,11 +35,8 @@ class Page:
     """
 
     def __init__(self, file: Path, name: str, what: str = "tables"):
-        self.file, self.begin, self.end = (
-            file,
-            f"<!-- benchmarks.{name}: {what} -->",
-            f"<!-- benchmarks.{name}: end -->",
-        )
+        self.file, self.begin = file, f"<!-- benchmarks.{name}: {what} -->"
+        self.end = f"<!-- benchmarks.{name}: end -->"
         self._split()
 
     def _split(self) -> tuple[str, str, str]:
@@ -61,24 +59,38 @@ class Page:
 
 
 class Kept:
-    """The records of a study by row, kept in a file, and their tables, each as soon as it exists.
+    """The records of a study by row, kept in a file, and their table, each as soon as it exists.
 
     Parameters
     ----------
     file : JSON, whose folder is made; records of an earlier command stay
-    order : names of rows in the order of the tables
-    tabled : the tables of records by row, as Markdown
-    page : that keeps the tables; without one they are a file beside the records
+    order : names of rows in the order of the table
+    head, cells : of the table; `cells` are the lines of a row's name and record
+    page : that keeps the table; without one it is a file beside the records
+    around : what stands above and below the table, of all records
     """
 
-    def __init__(self, file: Path, order, tabled: Callable[[dict], str], page: Page | None = None):
+    def __init__(
+        self, file: Path, order, head: list[str], cells, page: Page | None = None, around=lambda rows: ("", "")
+    ):
         file.parent.mkdir(parents=True, exist_ok=True)
-        self._file, self._order, self._tabled, self._page = file, list(order), tabled, page
+        self._file, self._order, self._page = file, list(order), page
+        self._head, self._cells, self._around = head, cells, around
         self.rows = json.loads(file.read_text())["rows"] if file.is_file() else {}
 
-    def add(self, name: str, records: object) -> None:
+    def run(self, names: Iterable[str], measure: Callable[[str], dict]) -> None:
+        """Measures rows, keeps each one, and prints the table."""
+
+        def kept(name: str) -> dict:
+            self.add(name, record := measure(name))
+            return record
+
+        each(names, kept, self._cells)
+        print(self)
+
+    def add(self, name: str, record: dict) -> None:
         """Adds or replaces a row, and writes everything."""
-        rows = {**self.rows, name: records}
+        rows = {**self.rows, name: record}
         self.rows = {name: rows[name] for name in self._order if name in rows}
         self._file.write_text(json.dumps({"machine": machine(), "rows": self.rows}, indent=1) + "\n")
         if self._page is None:
@@ -87,6 +99,9 @@ class Kept:
             self._page.write(str(self))
 
     def __str__(self) -> str:
-        """The machine and the tables."""
-        own = machine()
-        return f"{own['processor']}, one of {own['cores']} cores for each run.\n\n{self._tabled(self.rows)}"
+        """The machine and the table."""
+        own, (above, below) = machine(), self._around(self.rows)
+        made = table(self._head, [line for name, record in self.rows.items() for line in self._cells(name, record)])
+        return "\n\n".join(
+            filter(None, [f"{own['processor']}, one of {own['cores']} cores for each run.", above, made, below])
+        )

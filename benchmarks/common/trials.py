@@ -5,17 +5,16 @@ states and the log.
 """
 
 import argparse
-import sys
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.common import march
-from benchmarks.common.process import Mistake
 from benchmarks.common.rows import Row, chosen
-from benchmarks.common.tables import Kept, number, table
+from benchmarks.common.tables import Kept, number
+from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.measure import verify
 from pdvol.store.reader import Run, RunLevel, open_run
 
@@ -27,34 +26,20 @@ OUTCOMES = {"done": "full time", "time": "time limit", "hang": "ended by the clo
 
 
 def run_all(
-    study: str,
-    file: str,
-    known: Iterable[str],
-    options: argparse.Namespace,
-    seconds: float,
-    keep: Callable[[str, Path], str] = lambda name, path: "",
+    study: str, file: str, known: Iterable[str], options: argparse.Namespace, seconds: float, keep=lambda name, path: ""
 ) -> int:
     """The exit code of a study whose scenes are those of `file`: runs those that `options.scenes` names, for so many
     CPU seconds each, and writes STUDY.json and STUDY.md into `options.out`.
 
     `keep` is called with a name and its run folder; what it returns stands below the table.
     """
-    try:
-        names = chosen(options.scenes, known)
-        kept = Kept(options.out / f"{study}.json", known, tabled)
-    except (Mistake, OSError) as error:
-        print(f"benchmarks.{study}: {error}", file=sys.stderr)
-        return 2
-    for name in names:
-        record = trial(Row(name, file, None, {"name": name}, limit=seconds), keep)
-        kept.add(name, record)
-        for row in cells(name, record):
-            print(" | ".join(row), record["reason"], *record["problems"], file=sys.stderr, flush=True)
-    print(kept)
+    names = chosen(options.scenes, known)
+    kept = Kept(options.out / f"{study}.json", known, HEAD, cells, around=lambda rows: ("", remarks(rows)))
+    kept.run(names, lambda name: trial(Row(name, file, None, {"name": name}, limit=seconds), keep))
     return int(not all(sound(record) for record in kept.rows.values()))
 
 
-def trial(row: Row, keep: Callable[[str, Path], str]) -> dict:
+def trial(row: Row, keep=lambda name, path: "") -> dict:
     """The record of one scene: stopped between steps after the row's limit, and killed at half of that more."""
     with tempfile.TemporaryDirectory(prefix="pdvol-trial-") as folder:
         path = Path(folder) / "run"
@@ -110,9 +95,9 @@ def energies(run: Run, level: RunLevel) -> dict:
     Both are fractions of the largest kinetic energy or change of another kind, so that a body that only falls loses
     about nothing.
     """
-    masses = lumped_masses(run, level)
+    own = masses(run, level)
     log = [record for record in level.log if record["step"] < level.steps]
-    kinetic = np.array([0.5 * masses @ (level.velocities(record["step"]) ** 2).sum(axis=1) for record in log])
+    kinetic = np.array([0.5 * own @ (level.velocities(record["step"]) ** 2).sum(axis=1) for record in log])
     if len(kinetic) < 2:
         return {"energy_change": None, "energy_rise": None}
     parts = [np.array([record["energy"][kind] for record in log]) for kind in ("elastic", "load", "barrier")]
@@ -122,25 +107,20 @@ def energies(run: Run, level: RunLevel) -> dict:
     return {"energy_change": float((total[-1] - total[0]) / scale), "energy_rise": float(rise / scale)}
 
 
-def lumped_masses(run: Run, level: RunLevel) -> np.ndarray:
-    """(n,) [kg], a quarter (third in 2D) of each cell's mass at each of its corners."""
-    corners = level.rest[level.cells]
-    dim = level.rest.shape[1]
-    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2.0 if dim == 2 else 6.0)
-    density = np.array([body["material"]["density"] for body in run.info["description"]["bodies"]])[level.bodies]
-    parts = np.repeat(density * volumes / (dim + 1), dim + 1)
-    return np.bincount(level.cells.ravel(), weights=parts, minlength=len(level.rest))
+def masses(run: Run, level: RunLevel) -> np.ndarray:
+    """(n,) [kg], lumped."""
+    density = np.array([body["material"]["density"] for body in run.info["description"]["bodies"]])
+    return lumped_masses(level.mesh, density[level.bodies])
 
 
 # ---- the table
 
 
-def tabled(rows: dict[str, dict]) -> str:
-    """The table, with one row per level, and the notes and messages of all trials below it."""
-    lines = [f"- {name}: {text}" for name, record in rows.items() for text in (record["note"], record["reason"])]
-    lines += [f"- {name}: {text}" for name, record in rows.items() for text in record["problems"]]
-    whole = table(HEAD, [row for name, record in rows.items() for row in cells(name, record)])
-    return "\n".join([whole, "", *(line for line in lines if not line.endswith(": "))])
+def remarks(rows: dict[str, dict]) -> str:
+    """What stands below the table: the notes and messages of all trials."""
+    said = [(name, text) for name, record in rows.items() for text in (record["note"], record["reason"])]
+    said += [(name, text) for name, record in rows.items() for text in record["problems"]]
+    return "\n".join(f"- {name}: {text}" for name, text in said if text)
 
 
 def cells(name: str, record: dict) -> list[list[str]]:

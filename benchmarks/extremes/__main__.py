@@ -2,29 +2,31 @@
 
     ./run python -m benchmarks.extremes [--rows young,dt_0.1] [--out runs/extremes] [--limit 900]
 
-Rows are named in full or by their first letters; rows already in the folder --out stay in the table. Each row runs in
-a process of its own, and `pdvol verify` checks every state for intersections and inverted cells. The exit code is 0
-when every row came to its end or ended with a named error and no state is wrong, 1 otherwise, and 2 for a wrong command
-line.
+Rows already in the folder --out stay in the table. Each runs in a process of its own, and `pdvol verify` checks every
+state. The exit code is 0 when every row came to its end or to a named error and no state is wrong, 1 otherwise.
 """
 
 import sys
 from pathlib import Path
 
-from benchmarks.common import process, trials
+from benchmarks.common import trials
 from benchmarks.common.process import REPOSITORY
-from benchmarks.common.rows import EXTREMES
+from benchmarks.common.rows import EXTREMES, NAMES
+from benchmarks.common.study import command
 from benchmarks.extremes import figures, scenes
 
 
-def main(words: list[str] | None = None) -> int:
+@command(
+    "extremes",
+    __doc__,
+    {
+        "--rows": {**NAMES, "dest": "scenes", "help": "by name or by its beginning (default: all)"},
+        "--out": {"type": Path, "default": REPOSITORY / "runs" / "extremes", "help": "for the table"},
+        "--limit": {"type": float, "default": 900.0, "help": "CPU seconds for each row (default: 900)"},
+    },
+)
+def main(options) -> int:
     """Runs the command; returns its exit code."""
-    parser = process.parser("extremes", __doc__)
-    add = parser.add_argument
-    add("--rows", dest="scenes", default="", metavar="NAME,...", help="by name or by its beginning (default: all)")
-    add("--out", type=Path, default=REPOSITORY / "runs" / "extremes", metavar="DIR", help="for the table")
-    add("--limit", type=float, default=900.0, metavar="SECONDS", help="of CPU time, for each row (default: 900)")
-    options = parser.parse_args(words)
     return trials.run_all("extremes", EXTREMES, scenes.SCENES, options, options.limit, figures.figure)
 
 

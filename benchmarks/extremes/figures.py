@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from benchmarks.common.trials import lumped_masses
+from benchmarks.common import trials
 from benchmarks.extremes import scenes
 from pdvol.scene import Friction, metres
 from pdvol.store.reader import Run, open_run
@@ -25,7 +25,7 @@ def angular_momentum(run: Run, step: int) -> np.ndarray:
     """(3,) of the finest level's vertices about their centre of mass [kg m^2 / s], with the mean velocities over the
     step; those of the scene at step 0.
     """
-    level, masses = run.levels[-1], lumped_masses(run, run.levels[-1])
+    level, masses = run.levels[-1], trials.masses(run, run.levels[-1])
     x, v = level.positions(step), level.velocities(step)
     return np.cross(x - np.average(x, axis=0, weights=masses), v).T @ masses
 

@@ -33,7 +33,7 @@ from pdvol.meshes import Solid, ball, brick
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
 
-from benchmarks.common.scenes import DOWN, FLOOR, ORIGIN, X_AXIS, named
+from benchmarks.common.scenes import FLOOR, ORIGIN, X_AXIS, falling, named
 
 GRAVITY = 9.81
 SOFT = NeoHookean(1e5)
@@ -61,18 +61,14 @@ def stack(
         Body((cube,), lower, name="lower", placement=Placement((0.0, 0.5 * size + gap, 0.0))),
         Body((cube,), upper or lower, name="upper", placement=top, velocity=(0.0, -speed, 0.0)),
     )
-    return Scene(bodies, dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(dhat), Friction(mu)))
+    return falling(bodies, steps, dt, contact=(Barrier(dhat), Friction(mu)))
 
 
 def thrown(speed: float, dt: float = 0.01, steps: int = 40, size: float = 0.2) -> Scene:
     """A cube of `size` [m], E = 1e6 Pa, thrown askew at the floor at `speed` [m/s]."""
-    cube = Body(
-        (brick((size, size, size), (4, 4, 4)),),
-        NeoHookean(1e6),
-        placement=Placement((0.0, size, 0.0), 0.5, SKEW),
-        velocity=(0.3 * speed, -speed, 0.1 * speed),
-    )
-    return Scene((cube,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(0.3)))
+    cube, above = brick((size, size, size), (4, 4, 4)), Placement((0.0, size, 0.0), 0.5, SKEW)
+    velocity = (0.3 * speed, -speed, 0.1 * speed)
+    return falling([Body((cube,), NeoHookean(1e6), placement=above, velocity=velocity)], steps, dt, 0.3)
 
 
 def spinning(spin: float, integrator: str = "implicit_euler", dt: float = 0.01, steps: int = 200) -> Scene:
@@ -92,29 +88,22 @@ def on_a_slope(steps: int = 300) -> Scene:
     angle = np.arctan(SLOPE)
     down = Gravity((GRAVITY * np.sin(angle), -GRAVITY * np.cos(angle), 0.0))
     cube = Body((brick((0.2, 0.2, 0.2), (3, 3, 3)),), NeoHookean(1e6), placement=Placement((0.0, 0.1003, 0.0)))
-    return Scene((cube,), dt=0.01, steps=steps, loads=(down,), obstacles=(FLOOR,), contact=(Barrier(), Friction(HOLD)))
+    return falling([cube], steps, mu=HOLD, loads=(down,))
 
 
 def shot_at_a_sheet(speed: float, dt: float = 0.01, steps: int = 20) -> Scene:
     """The same cube thrown at a sheet of 1 m, one cell of 2 cm thick, held at its rim, with nothing behind it."""
-    cube = Body(
-        (brick((0.2, 0.2, 0.2), (3, 3, 3)),),
-        NeoHookean(1e6),
-        name="cube",
-        placement=Placement((0.02, 0.2, 0.03), 0.5, SKEW),
-        velocity=(0.0, -float(speed), 0.0),
-    )
+    solid, above = brick((0.2, 0.2, 0.2), (3, 3, 3)), Placement((0.02, 0.2, 0.03), 0.5, SKEW)
+    cube = Body((solid,), NeoHookean(1e6), name="cube", placement=above, velocity=(0.0, -float(speed), 0.0))
     sheet = Body((brick((1.0, 0.02, 1.0), (10, 1, 10)),), NeoHookean(1e6), name="sheet")
     rim = Support(lambda X: np.abs(X[:, [0, 2]]).max(axis=1) > 0.499, body="sheet")
-    return Scene((cube, sheet), dt=dt, steps=steps, loads=(DOWN,), supports=(rim,), contact=(Barrier(),))
+    return falling([cube, sheet], steps, dt, obstacles=(), supports=(rim,))
 
 
 def slide(mu: float) -> Scene:
     """A slab thrown along the floor at 3 m/s."""
-    slab = Body(
-        (brick((1.0, 0.3, 1.0), (6, 2, 6)),), SOFT, placement=Placement((0.0, 0.152, 0.0)), velocity=(3.0, 0.0, 1.0)
-    )
-    return Scene((slab,), dt=0.01, steps=60, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(mu)))
+    slab, above = brick((1.0, 0.3, 1.0), (6, 2, 6)), Placement((0.0, 0.152, 0.0))
+    return falling([Body((slab,), SOFT, placement=above, velocity=(3.0, 0.0, 1.0))], 60, mu=mu)
 
 
 def compress(fraction: float, poisson: float = 0.4, steps: int = 60) -> Scene:
@@ -140,28 +129,16 @@ def twist(turns: float, cuts=(40, 2, 2), dt: float = 0.04, steps: int = 250) -> 
 
 def thin(cuts, size, dhat: float, dt: float = 0.01, steps: int = 60) -> Scene:
     """A block of extreme cells, dropped askew."""
-    block = Body(
-        (brick(size, cuts),),
-        NeoHookean(1e6),
-        placement=Placement((0.0, 0.6, 0.0), 0.3, SKEW),
-        velocity=(0.0, -3.0, 0.0),
-    )
-    return Scene(
-        (block,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(dhat), Friction(0.3))
-    )
+    above = Placement((0.0, 0.6, 0.0), 0.3, SKEW)
+    block = Body((brick(size, cuts),), NeoHookean(1e6), placement=above, velocity=(0.0, -3.0, 0.0))
+    return falling([block], steps, dt, contact=(Barrier(dhat), Friction(0.3)))
 
 
 def drape(cuts=(14, 1, 14), dt: float = 0.01, steps: int = 80) -> Scene:
     """A sheet, one cell of 1 cm thick, falls on a ball and the floor."""
     sheet = Body((brick((1.0, 0.01, 1.0), cuts),), SOFT, placement=Placement((0.05, 0.62, 0.02), 0.2, SKEW))
-    return Scene(
-        (sheet,),
-        dt=dt,
-        steps=steps,
-        loads=(DOWN,),
-        obstacles=(FLOOR, Rigid(ball(0.25, 2), Placement((0.0, 0.26, 0.0)), name="ball")),
-        contact=(Barrier(), Friction(0.3)),
-    )
+    below = Rigid(ball(0.25, 2), Placement((0.0, 0.26, 0.0)), name="ball")
+    return falling([sheet], steps, dt, 0.3, obstacles=(FLOOR, below))
 
 
 def shaken(speed: float) -> Scene:
@@ -177,14 +154,8 @@ def shaken(speed: float) -> Scene:
 def levels(cuts, size, dt: float, steps: int) -> Scene:
     """A bar of several levels falls askew across a ball onto the floor."""
     bar = Body(tuple(brick(size, three) for three in cuts), SOFT, placement=Placement((0.1, 0.8, 0.0), 0.2, SKEW))
-    return Scene(
-        (bar,),
-        dt=dt,
-        steps=steps,
-        loads=(DOWN,),
-        obstacles=(FLOOR, Rigid(ball(0.2, 2), Placement((0.0, 0.25, 0.0)), name="ball")),
-        contact=(Barrier(), Friction(0.3)),
-    )
+    below = Rigid(ball(0.2, 2), Placement((0.0, 0.25, 0.0)), name="ball")
+    return falling([bar], steps, dt, 0.3, obstacles=(FLOOR, below))
 
 
 def flat_levels(dt: float = 0.04, steps: int = 40) -> Scene:
@@ -198,17 +169,9 @@ def flat_levels(dt: float = 0.04, steps: int = 40) -> Scene:
 
     cuts = ((9, 1), (10, 2), (15, 2), (19, 3), (24, 4), (30, 6), (40, 8), (84, 8))
     bar = Body(tuple(plate(*two) for two in cuts), SOFT, placement=Placement((0.1, 0.9), 0.3))
-    return Scene(
-        (bar,),
-        dt=dt,
-        steps=steps,
-        loads=(Gravity((0.0, -GRAVITY)),),
-        contact=(Barrier(), Friction(0.3)),
-        obstacles=(
-            Plane((0.0, 0.0), (0.0, 1.0), name="floor"),
-            Rigid(pdvol.meshes.disc(0.2, 48), Placement((0.0, 0.25)), name="ball"),
-        ),
-    )
+    below = Rigid(pdvol.meshes.disc(0.2, 48), Placement((0.0, 0.25)), name="ball")
+    obstacles = (Plane((0.0, 0.0), (0.0, 1.0), name="floor"), below)
+    return falling([bar], steps, dt, 0.3, loads=(Gravity((0.0, -GRAVITY)),), obstacles=obstacles)
 
 
 def powers(first: int, last: int) -> list[str]:
@@ -216,7 +179,9 @@ def powers(first: int, last: int) -> list[str]:
     return [f"1e{k}" for k in range(first, last + 1)]
 
 
-HEAVY = 1e6
+LIGHT, HEAVY = NeoHookean(1e8, density=10.0), NeoHookean(1e8, density=1e7)
+SIZES = {"1mm": 1e-3, "1cm": 1e-2, "10cm": 0.1, "1m": 1.0, "10m": 10.0, "100m": 100.0, "1km": 1000.0}
+EIGHT = [(3, 1, 1), (4, 1, 1), (6, 1, 1), (6, 2, 2), (8, 2, 2), (10, 3, 3), (14, 3, 3), (18, 4, 4)]
 SCENES = {
     "young_1e2": lambda: stack(NeoHookean(1e2), steps=30),
     **{f"young_{e}": lambda e=e: stack(NeoHookean(float(e))) for e in powers(3, 11)},
@@ -234,12 +199,8 @@ SCENES = {
     "dhat_2.5_sizes": lambda: replace(thrown(3.0), contact=(Barrier(0.5), Friction(0.3))),
     **{f"mu_{mu}": lambda mu=mu: slide(mu) for mu in (0, 0.1, 1, 10)},
     "slope_sticks": on_a_slope,
-    "mass_ratio_1e6_heavy_above": lambda: stack(
-        NeoHookean(1e8, density=10.0), NeoHookean(1e8, density=10.0 * HEAVY), size=0.1
-    ),
-    "mass_ratio_1e6_heavy_below": lambda: stack(
-        NeoHookean(1e8, density=10.0 * HEAVY), NeoHookean(1e8, density=10.0), size=0.1
-    ),
+    "mass_ratio_1e6_heavy_above": lambda: stack(LIGHT, HEAVY, size=0.1),
+    "mass_ratio_1e6_heavy_below": lambda: stack(HEAVY, LIGHT, size=0.1),
     "compress_50": lambda: compress(0.5),
     "compress_90": lambda: compress(0.9),
     "compress_99": lambda: compress(0.99),
@@ -256,15 +217,7 @@ SCENES = {
     },
     **{
         f"size_{word}": lambda size=size: stack(NeoHookean(1e7), size=size, dt=0.01 * np.sqrt(size))
-        for word, size in (
-            ("1mm", 1e-3),
-            ("1cm", 1e-2),
-            ("10cm", 0.1),
-            ("1m", 1.0),
-            ("10m", 10.0),
-            ("100m", 100.0),
-            ("1km", 1000.0),
-        )
+        for word, size in SIZES.items()
     },
     "aspect_1e3_plates": lambda: thin((8, 1, 8), (1.0, 0.125e-3, 1.0), 5e-5),
     "aspect_1e3_layers": lambda: thin((6, 3, 6), (0.6, 0.3e-3, 0.6), 1e-4),
@@ -272,12 +225,7 @@ SCENES = {
     "sheet_thinner_than_dhat": lambda: thin((6, 1, 6), (0.6, 0.3e-3, 0.6), 9e-4, steps=20),
     "sheet_one_cell_thick": drape,
     **{f"random_velocities_{speed}": lambda speed=speed: shaken(float(speed)) for speed in (1, 10, 100)},
-    "levels_8_dt_0.04": lambda: levels(
-        [(3, 1, 1), (4, 1, 1), (6, 1, 1), (6, 2, 2), (8, 2, 2), (10, 3, 3), (14, 3, 3), (18, 4, 4)],
-        (1.0, 0.2, 0.2),
-        0.04,
-        40,
-    ),
+    "levels_8_dt_0.04": lambda: levels(EIGHT, (1.0, 0.2, 0.2), 0.04, 40),
     "levels_8_flat_dt_0.04": flat_levels,
     "levels_from_20_vertices": lambda: levels([(4, 1, 1), (6, 2, 2), (10, 3, 3)], (1.0, 0.2, 0.2), 0.01, 80),
 }

@@ -1,23 +1,24 @@
 """Speed against accuracy of eight scenes: runs `pdvol study` on each of them and writes their table and pictures.
 
     ./run python -m benchmarks.fronts [spike,drop,...] [--budget 4] [--out runs/fronts] [--write]
+    ./run python -m benchmarks.fronts --random 10 [--first 0] [--budget 1]
 
 Finished runs in `--out` are used again, so that a study that was stopped goes on. `--write` puts the table between the
-marks of NOTES.md beside this file, and the fronts into docs/pictures.
+marks of NOTES.md beside this file, and the fronts into docs/pictures. `--random` is what trials.py has.
 """
 
 import json
 import math
-import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.common import process
 from benchmarks.common.process import REPOSITORY
+from benchmarks.common.rows import chosen
+from benchmarks.common.study import command
 from benchmarks.common.tables import Page, number, table
+from benchmarks.fronts import trials
 from pdvol.studio.study.conclusions import length, option_text
-from pdvol.studio.study.front import cheapest_within
+from pdvol.studio.study.front import cheapest_within, most_accurate_within
 from pdvol.studio.study.page import front_image
 
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -27,44 +28,39 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "twist": ("demos/twist.py", ()),
     "heterogeneous": ("demos/heterogeneous.py", ()),
     "rope": ("demos/rope_drop.py", ()),
-    "sliding_block": ("benchmarks/fronts/sliding_block.py", ()),
-    "tower": ("benchmarks/fronts/tower.py", ()),
+    **{name: ("benchmarks/fronts/scenes.py", ("--set", f"name={name}")) for name in ("sliding_block", "tower")},
 }
 """Scene files and their options. The ape swings for two of its eight seconds."""
 VARIED = ("--vary", "dt,integrator,elements,tolerance,level")
-HEAD = [
-    "scene",
-    "levels, vertices",
-    "the scene's settings: CPU [s], error at the end, of the size",
-    "the reference's own error",
-    "differences of the start grow",
-    "cheapest within 1 %",
-    "cheapest within 3 %",
-    "most accurate at half the time",
-    "fitted orders",
-]
+HEAD = ["scene", "levels, vertices", "the scene's settings: CPU [s], error at the end, of the size"]
+HEAD += ["the reference's own error", "differences of the start grow", "cheapest within 1 %", "cheapest within 3 %"]
+HEAD += ["most accurate at half the time", "fitted orders"]
 
 
-def main(words: Sequence[str] | None = None) -> int:
+@command(
+    "fronts",
+    __doc__,
+    {
+        "scenes": {"nargs": "?", "default": "", "help": ", ".join(SCENES)},
+        "--budget": {"default": "4", "help": "minutes a scene"},
+        "--jobs": {"default": "", "help": "runs at a time"},
+        "--out": {"type": Path, "default": Path("runs/fronts")},
+        "--write": {"action": "store_true", "help": "put the table and the fronts into their pages"},
+        "--dry": {"action": "store_true", "help": "no studies: what is stored in --out"},
+        "--random": {"type": int, "metavar": "N", "help": "so many random shots instead: whether predictions hold"},
+        "--first": {"type": int, "default": 0, "help": "the number of the first random shot"},
+    },
+)
+def main(options) -> None:
     """Runs the command; returns its exit code."""
-    parser = process.parser("fronts", __doc__)
-    parser.add_argument("scenes", nargs="?", default="", help=", ".join(SCENES))
-    parser.add_argument("--budget", default="4", help="minutes a scene")
-    parser.add_argument("--jobs", default="", help="runs at a time")
-    parser.add_argument("--out", type=Path, default=Path("runs/fronts"))
-    parser.add_argument("--write", action="store_true", help="put the table and the fronts into their pages")
-    parser.add_argument("--dry", action="store_true", help="no runs: what is stored in --out")
-    options = parser.parse_args(words)
-    names = options.scenes.split(",") if options.scenes else list(SCENES)
-    unknown = [name for name in names if name not in SCENES]
-    if unknown:
-        print(f"benchmarks.fronts: unknown scenes {unknown}; there are {', '.join(SCENES)}", file=sys.stderr)
-        return 2
+    names = chosen(options.scenes, SCENES)
+    if options.random:
+        trials.compare(options)
+        return
     for name in names if not options.dry else ():
         file, more = SCENES[name]
-        command = [sys.executable, "-m", "pdvol", "study", str(REPOSITORY / file), "-o", str(options.out / name)]
-        jobs = ["--jobs", options.jobs] if options.jobs else []
-        subprocess.run([*command, *VARIED, "--budget", options.budget, *jobs, *more], check=False)
+        words = ["study", str(REPOSITORY / file), "-o", str(options.out / name), *VARIED, "--budget", options.budget]
+        trials.pdvol([*words, *(["--jobs", options.jobs] if options.jobs else []), *more])
     stored = {name: options.out / name / "study.json" for name in SCENES}
     studies = {name: json.loads(file.read_text()) for name, file in stored.items() if file.is_file()}
     text = fronts_table(studies)
@@ -74,7 +70,6 @@ def main(words: Sequence[str] | None = None) -> int:
         for name, study in studies.items():
             if study["points"]:
                 front_image(REPOSITORY / "docs" / "pictures" / f"front_{name}.png", study)
-    return 0
 
 
 def fronts_table(studies: dict[str, dict]) -> str:
@@ -92,8 +87,8 @@ def _row(name: str, study: dict) -> list[str]:
     points, known, size = study["points"], study["reference"]["error"], study["size"]
     own = math.inf if known is None else known
     default, spread = study["default"], study["spread"] or {}
-    half = [p for p in points if p["cost"]["cpu"] <= 0.5 * default["cost"]["cpu"] and p["errors"]["story"]]
-    best = min(half, key=lambda p: p["errors"]["end"], default=None)
+    stories = [point for point in points if point["errors"]["story"]]
+    best = most_accurate_within(stories, 0.5 * default["cost"]["cpu"])
     orders = [f"{o['axis']} {o['order']:.2f}" for o in study["orders"] if o["order"] is not None]
     return [
         name,

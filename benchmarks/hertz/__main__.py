@@ -4,22 +4,21 @@
 
 Cell size h and contact distance dhat shrink together at one contact radius; then the contact radius shrinks in
 proportion to the hemisphere, with h and dhat in proportion to it. The first shows discretisation errors, the second
-the error of Hertz's half-space on a finite body. Written to the folder: hertz.md, hertz.png.
+the error of Hertz's half-space on a finite body. The tables are printed, and kept in hertz.md.
 """
 
 import sys
 import time
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from benchmarks.common import process
-from benchmarks.common.first_order import first_order
 from benchmarks.common.process import REPOSITORY, Mistake
+from benchmarks.common.scenes import first_order
+from benchmarks.common.study import command, each
 from benchmarks.common.tables import number, table
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.integrator import State
@@ -30,8 +29,6 @@ from pdvol.levels.space import LevelSpace
 from pdvol.meshes import brick
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Body, NeoHookean, Plane, Scene, Solver, Support, Translation
-from pdvol.studio.draw.layout import BACKGROUND
-from pdvol.studio.shown import PALETTE
 
 RADIUS, YOUNG, POISSON = 1.0, 1e6, 0.3
 SECONDS, STEPS = 1e3, 4
@@ -129,7 +126,9 @@ def figures(stepper: Stepper, mesh: LevelMesh, x: np.ndarray, approach: float) -
     a = (3.0 * force * RADIUS / (4.0 * stiff)) ** (1.0 / 3.0)
     p0 = 1.5 * force / (np.pi * a**2)
     radius = np.sqrt(2.5 * (forces @ r2) / force)
-    areas = surface_areas(x, mesh.boundary)
+    corners = x[mesh.boundary]
+    thirds = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 6.0
+    areas = np.bincount(mesh.boundary.ravel(), np.repeat(thirds, 3), len(x))
     inner = (areas > 0) & (r2 < (0.7 * a) ** 2) & (x[:, 2] < 0.5 * RADIUS)
     square = (forces[inner] / areas[inner]) ** 2
     root = np.sqrt(areas[inner])
@@ -148,13 +147,6 @@ def figures(stepper: Stepper, mesh: LevelMesh, x: np.ndarray, approach: float) -
     }
 
 
-def surface_areas(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) a third of each boundary triangle's area [m^2] at each of its corners."""
-    a, b, c = (x[triangles[:, k]] for k in range(3))
-    thirds = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-    return np.bincount(triangles.ravel(), weights=np.repeat(thirds, 3), minlength=len(x))
-
-
 def extrapolated(values: Sequence[float]) -> tuple[float, float]:
     """The order with which values on meshes of n, 2n and 4n cells converge, and their limit (Richardson); nan and the
     last value where they do not contract to one side.
@@ -165,87 +157,62 @@ def extrapolated(values: Sequence[float]) -> tuple[float, float]:
     return float(np.log2(first / second)), float(values[-1] + second / (first / second - 1.0))
 
 
-def limits(rows: list[dict]) -> list[dict]:
-    """For each ratio a / R with three doublings of cells: order and limit of each figure, and a / R at the limit."""
-    found = []
+def limits(rows: list[dict]) -> list[list[str]]:
+    """The cells of each ratio a / R with three doublings of cells: a / R at the limit, each figure's with its order."""
+    lines = []
     for ratio in dict.fromkeys(row["ratio"] for row in rows):
         mine = [row for row in rows if row["ratio"] == ratio]
         if len(mine) < 3 or any(b["cells"] != 2 * a["cells"] for a, b in zip(mine[-3:], mine[-2:], strict=False)):
             continue
-        values = {key: extrapolated([row[key] for row in mine]) for key in FIGURES}
-        found.append({"ratio": ratio, "a": extrapolated([row["a"] for row in mine])[1], **values})
-    return found
+        (_, a), *found = (extrapolated([row[key] for row in mine]) for key in ("a", *FIGURES))
+        lines.append([f"{ratio:g}", f"{a / RADIUS:.4f}", *(f"{limit:.4f} ({order:.3g})" for order, limit in found)])
+    return lines
 
 
-def draw(path: Path, rows: list[dict], ends: list[dict]) -> None:
-    """Errors against h / a, and their limits against a / R."""
-    figure = Figure(figsize=(10.0, 4.0), facecolor=BACKGROUND, layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2)
-    names = {"radius": "contact radius", "offset": "approach less gap", "pressure": "largest pressure"}
-    ratio = min(row["ratio"] for row in rows)
-    for (key, name), colour in zip(names.items(), PALETTE, strict=False):
-        mine = [row for row in rows if row["ratio"] == ratio]
-        left.loglog([row["h"] for row in mine], [abs(row[key] - 1.0) for row in mine], "o-", color=colour, label=name)
-        right.plot([end["a"] for end in ends], [end[key][1] - 1.0 for end in ends], "o-", color=colour, label=name)
-    h = np.array([row["h"] for row in rows if row["ratio"] == ratio])
-    left.loglog(h, 0.1 * h / h.max(), "--", color="grey", label="order 1")
-    left.set(xlabel="h / a, dhat in proportion", ylabel="error", title=f"against Hertz, a / R = {ratio:g}")
-    right.axhline(0.0, color="grey", lw=0.8)
-    right.set(xlabel="a / R", ylabel="relative difference", title="limits of h, dhat -> 0, less Hertz")
-    left.legend()
-    right.legend()
-    figure.savefig(path, dpi=130)
-
-
-def tabled(rows: list[dict], ends: list[dict]) -> str:
-    """The tables of all presses, and of their limits with orders."""
-    measured = [
-        [f"{row['ratio']:g}", str(row["cells"]), f"{row['vertices']:,}", number(row["h"], 2), number(row["dhat"], 2)]
-        + [f"{row['balance']:.6f}", *(f"{row[key]:.4f}" for key in FIGURES)]
-        + [str(row["newton"]), f"{row['seconds']:.1f}"]
-        for row in rows
+def cells_of(press: tuple[float, int], row: dict) -> list[list[str]]:
+    """The cells of a press."""
+    sizes = [
+        f"{row['ratio']:g}",
+        str(row["cells"]),
+        f"{row['vertices']:,}",
+        number(row["h"], 2),
+        number(row["dhat"], 2),
     ]
-    lines = [
-        [
-            f"{end['ratio']:g}",
-            f"{end['a'] / RADIUS:.4f}",
-            *(f"{end[key][1]:.4f} ({end[key][0]:.3g})" for key in FIGURES),
-        ]
-        for end in ends
-    ]
-    head = ["a / R aimed at", "a / R", *(f"{name}, limit (order)" for name in HEAD[6:10])]
-    return "\n\n".join([table(HEAD, measured), table(head, lines)])
+    found = [f"{row['balance']:.6f}", *(f"{row[key]:.4f}" for key in FIGURES)]
+    return [[*sizes, *found, str(row["newton"]), f"{row['seconds']:.1f}"]]
 
 
-def main(words: list[str] | None = None) -> int:
+@command(
+    "hertz",
+    __doc__,
+    {
+        "--cells": {"default": "8,16,32", "metavar": "N,...", "help": "cells from the pole to the top"},
+        "--ratios": {"default": "0.2,0.1,0.05", "metavar": "A,...", "help": "contact radius over the ball's"},
+        "--out": {"type": Path, "default": REPOSITORY / "runs" / "hertz"},
+    },
+)
+def main(options) -> None:
     """Runs the command; returns its exit code."""
-    parser = process.parser("hertz", __doc__)
-    parser.add_argument("--cells", default="8,16,32", metavar="N,...", help="cells from the pole to the top")
-    parser.add_argument("--ratios", default="0.2,0.1,0.05", metavar="A,...", help="contact radius over the ball's")
-    parser.add_argument("--out", type=Path, default=REPOSITORY / "runs" / "hertz", metavar="DIR")
-    options = parser.parse_args(words)
     try:
         cells = sorted(int(word) for word in options.cells.split(","))
         ratios = sorted((float(word) for word in options.ratios.split(",")), reverse=True)
         if cells[0] < 4 or not 0.01 <= ratios[-1] <= ratios[0] <= 0.25:
             raise ValueError("at least 4 cells, and ratios from 0.01 to 0.25")
     except ValueError as error:
-        print(f"benchmarks.hertz: {error}", file=sys.stderr)
-        return 2
+        raise Mistake(str(error)) from error
     options.out.mkdir(parents=True, exist_ok=True)
     rows: list[dict] = []
-    for ratio in ratios:
-        for n in cells:
-            rows.append(press(n, ratio, DHAT / n))
-            print({key: round(float(value), 4) for key, value in rows[-1].items()}, file=sys.stderr, flush=True)
-    ends = limits(rows)
-    text = tabled(rows, ends)
+
+    def measured(asked: tuple[float, int]) -> dict:
+        ratio, n = asked
+        rows.append(press(n, ratio, DHAT / n))
+        return rows[-1]
+
+    presses = table(HEAD, each(product(ratios, cells), measured, cells_of))
+    head = ["a / R aimed at", "a / R", *(f"{name}, limit (order)" for name in HEAD[6:10])]
+    text = f"{presses}\n\n{table(head, limits(rows))}"
     (options.out / "hertz.md").write_text(text + "\n")
-    if ends:
-        draw(options.out / "hertz.png", rows, ends)
     print(text)
-    return 0
 
 
 if __name__ == "__main__":

@@ -44,8 +44,13 @@ class Study:
     cases: tuple[Case, ...]
     steps: int
     levels: int
-    figures: tuple[str, ...] = ("shapes",)
-    moments: tuple[int, ...] = ()
+    figures: tuple[str, ...]
+    moments: tuple[int, ...]
+
+
+def pulled(*weights: float) -> list[Case]:
+    """TRACKS with so many weights."""
+    return [Case("tracks", settings={"weight": w}) for w in weights]
 
 
 INTERPOLANTS = ("barycentric", "biharmonic", "phong")
@@ -53,39 +58,19 @@ EVERYTHING = (
     Case("direct"),
     *(Case("progressive", name) for name in INTERPOLANTS),
     *(Case("embedded", name) for name in INTERPOLANTS),
-    *(Case("tracks", settings={"weight": w}) for w in (0.025, 0.4)),
+    *pulled(0.025, 0.4),
 )
-WEIGHTS = (0.0, 0.025, 0.2, 0.4, 0.6)
+PHONG = tuple(Case(method, name) for method in ("embedded", "progressive") for name in ("barycentric", "phong"))
 LITERAL = 0.025 * 0.04**2
 """w = 0.025 if the paper's equation 4 is taken word for word, where w is a frequency squared: w dt^2 beside the
 inertia's 1/2.
 """
+WEIGHED = tuple(Case("progressive", settings={"consistency": w}) for w in (0.0, LITERAL, 0.025, 0.2, 0.4, 0.6))
 
 STUDIES = {
-    "rope_drop": Study(
-        "rope_drop", EVERYTHING, steps=150, levels=5, figures=("shapes", "metrics"), moments=(52, 89, 150)
-    ),
-    "drop": Study("drop", EVERYTHING, steps=70, levels=2, moments=(40, 60)),
-    "phong": Study(
-        "phong",
-        tuple(Case(method, name) for method in ("embedded", "progressive") for name in ("barycentric", "phong")),
-        steps=40,
-        levels=2,
-        moments=(25, 40),
-    ),
-    "tracks": Study(
-        "tracks",
-        (Case("progressive"), *(Case("tracks", settings={"weight": w}) for w in (0.0025, 0.025, 0.2, 0.6))),
-        steps=120,
-        levels=2,
-        moments=(44, 120),
-    ),
-    "slit_array": Study(
-        "slit_array",
-        tuple(Case("progressive", settings={"consistency": w}) for w in (*WEIGHTS[:1], LITERAL, *WEIGHTS[1:])),
-        steps=150,
-        levels=8,
-        figures=("sweep", "curves"),
-        moments=(44, 142),
-    ),
+    "rope_drop": Study("rope_drop", EVERYTHING, 150, 5, ("shapes", "metrics"), (52, 89, 150)),
+    "drop": Study("drop", EVERYTHING, 70, 2, ("shapes",), (40, 60)),
+    "phong": Study("phong", PHONG, 40, 2, ("shapes",), (25, 40)),
+    "tracks": Study("tracks", (Case("progressive"), *pulled(0.0025, 0.025, 0.2, 0.6)), 120, 2, ("shapes",), (44, 120)),
+    "slit_array": Study("slit_array", WEIGHED, 150, 8, ("sweep", "curves"), (44, 142)),
 }

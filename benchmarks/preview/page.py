@@ -2,18 +2,16 @@
 kinds of elements, beside the truth.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
 from PIL import Image
 
 import pdvol
+from benchmarks.common.figures import over_time, panels
 from benchmarks.common.process import REPOSITORY
 from benchmarks.common.tables import Page, table
 from benchmarks.preview.shots import DT, FINEST, KINDS, STEPS, TRUE_DT, rises, stored
@@ -24,7 +22,7 @@ from pdvol.store.reader import Run
 from pdvol.studio.draw.camera import cameras_of_run
 from pdvol.studio.draw.compose import Grid, Pane, Pen, frames, renderer_by
 from pdvol.studio.draw.film import film_steps, write_film
-from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
+from pdvol.studio.draw.layout import FAINT_INK, INK
 from pdvol.studio.shown import PALETTE
 
 DOCS, PICTURES = REPOSITORY / "docs" / "how_right.md", REPOSITORY / "docs" / "pictures"
@@ -98,39 +96,28 @@ def of_level(truth: np.ndarray, level: int) -> np.ndarray:
 
 
 def bar_table(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> str:
-    """Distance from the truth, and how far the tip swings in the last swing."""
-    rows = []
+    """Distance from the truth, and how far the tip swings in the last second."""
+    lines: dict[str, list[float]] = {}
     for level in BAR_SHOWN:
-        apart = [
-            np.sqrt(((levels[level] - of_level(truth, level)) ** 2).sum(axis=2).mean(axis=1)).mean()
-            for levels in bars.values()
-        ]
-        rows.append([f"level {level}: from the truth, mean [mm]", *(f"{1e3 * value:.0f}" for value in apart), "0"])
+        true = of_level(truth, level)
+        squares = [((levels[level] - true) ** 2).sum(axis=2) for levels in bars.values()]
+        lines[f"level {level}: from the truth, mean [mm]"] = [*(np.sqrt(s.mean(axis=1)).mean() for s in squares), 0.0]
     for level in BAR_SHOWN:
-        swung = [last_swing(tip(levels[level])) for levels in bars.values()]
-        cells = [f"{1e3 * value:.0f}" for value in (*swung, last_swing(tip(truth)))]
-        rows.append([f"level {level}: the tip swings in the last second by [mm]", *cells])
-    return table(["bar", *bars, "truth"], rows)
-
-
-def last_swing(heights: np.ndarray) -> float:
-    """[m] between the highest and the lowest place in the last second."""
-    late = heights[-round(1.0 / DT) :]
-    return float(np.ptp(late))
+        last = [tip(x)[-round(1.0 / DT) :] for x in (*(levels[level] for levels in bars.values()), truth)]
+        lines[f"level {level}: the tip swings in the last second by [mm]"] = [np.ptp(heights) for heights in last]
+    return millimetres("bar", bars, lines)
 
 
 def film_of_bars(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> Iterator[Image.Image]:
     """Frames with a picture a kind: level 0 filled, the finest level as a line, the truth as a black line."""
     meshes = [grid((1.0, 0.2), cuts) for cuts in BAR_CUTS]
     rims = [boundary_facets(mesh.cells)[0] for mesh in meshes]
-    figure = Figure(figsize=(12.0, 3.6), dpi=100, facecolor=BACKGROUND, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
-    panels = figure.subplots(1, len(bars))
+    figure, (panes,) = panels((12.0, 3.6), 1, len(bars))
     everything = np.concatenate([truth.reshape(-1, 2), *(x.reshape(-1, 2) for each in bars.values() for x in each)])
     low, high = everything.min(axis=0) - 0.03, everything.max(axis=0) + 0.03
     coarse, fine = BAR_SHOWN
     for step in film_steps(0, len(truth) - 1, DT, FRAMES_PER_SECOND):
-        for axes, (kind, levels) in zip(panels, bars.items(), strict=True):
+        for axes, (kind, levels) in zip(panes, bars.items(), strict=True):
             axes.clear()
             corners = levels[coarse][step][meshes[coarse].cells]
             axes.add_collection(PolyCollection(corners, facecolor=PALETTE[0], edgecolor="white", linewidth=0.6))
@@ -140,13 +127,11 @@ def film_of_bars(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) ->
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             axes.set_title(kind, fontsize=12, color=INK)
             axes.set_axis_off()
-        figure.suptitle(
-            f"{step * DT:.2f} s     filled: level {coarse}     blue line: level {fine}     black line: the truth",
-            fontsize=12,
-            color=INK,
-        )
-        canvas.draw()
-        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+        shown = ("filled", coarse), ("blue line", fine)
+        words = [f"{step * DT:.2f} s", *(f"{how}: level {level}" for how, level in shown), "black line: the truth"]
+        figure.suptitle("     ".join(words), fontsize=12, color=INK)
+        figure.canvas.draw()
+        yield Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3].copy())
 
 
 # ---- the ape
@@ -154,14 +139,14 @@ def film_of_bars(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) ->
 
 def ape_table(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> str:
     """How high the centre comes, and how far its height is from the truth's."""
-    rows = []
+    lines: dict[str, list[float]] = {}
     for level in APE_SHOWN:
-        cells = [f"{1e3 * each[level].max():.0f}" for each in heights.values()]
-        rows.append([f"level {level}: the centre rises by [mm]", *cells, f"{1e3 * truth.max():.0f}"])
+        highest = [each[level].max() for each in heights.values()]
+        lines[f"level {level}: the centre rises by [mm]"] = [*highest, truth.max()]
     for level in APE_SHOWN:
-        cells = [f"{1e3 * np.sqrt(((each[level] - truth) ** 2).mean()):.0f}" for each in heights.values()]
-        rows.append([f"level {level}: its height from the truth's, root mean square [mm]", *cells, "0"])
-    return table(["ape", *heights, "truth"], rows)
+        apart = [np.sqrt(((each[level] - truth) ** 2).mean()) for each in heights.values()]
+        lines[f"level {level}: its height from the truth's, root mean square [mm]"] = [*apart, 0.0]
+    return millimetres("ape", heights, lines)
 
 
 def film_of_apes(apes: Mapping[str, Run], true: Run) -> Iterator[Image.Image]:
@@ -191,24 +176,20 @@ def ape_pane(kind: str, run: Run, index: int, true: bool) -> Pane:
 # ---- both
 
 
+def millimetres(what: str, kinds: Iterable[str], lines: Mapping[str, Sequence[float]]) -> str:
+    """A table of lengths [m], of each kind and of the truth."""
+    rows = [[label, *(f"{1e3 * value:.0f}" for value in values)] for label, values in lines.items()]
+    return table([what, *kinds, "truth"], rows)
+
+
 def curves(out: Path, label: str, found: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> None:
     """A panel a kind: a line a level, and the truth."""
-    figure = Figure(figsize=(12.0, 3.3), facecolor=BACKGROUND, layout="constrained")
-    FigureCanvasAgg(figure)
-    panels: Sequence[Axes] = figure.subplots(1, len(found), sharey=True)
-    for axes, (kind, levels) in zip(panels, found.items(), strict=True):
-        times = DT * np.arange(len(truth))
+    figure, (axes,) = panels((12.0, 3.3), 1, len(found), sharey=True)
+    times = DT * np.arange(len(truth))
+    for one, (kind, levels) in zip(axes, found.items(), strict=True):
         for level, values in levels.items():
-            axes.plot(times, values, color=PALETTE[level], label=f"level {level}", linewidth=1.5)
-        axes.plot(times, truth, color=TRUTH_INK, linestyle="--", label="truth", linewidth=1.5)
-        axes.set_facecolor(BACKGROUND)
-        axes.set_title(kind, fontsize=10, loc="left")
-        axes.set_xlabel("time [s]", fontsize=9)
-        axes.tick_params(labelsize=8)
-        axes.spines[["top", "right"]].set_visible(False)
-    panels[0].set_ylabel(label, fontsize=9)
-    figure.legend(
-        *panels[-1].get_legend_handles_labels(), fontsize=9, frameon=False, ncols=5, loc="outside lower center"
-    )
+            one.plot(times, values, color=PALETTE[level], label=f"level {level}", linewidth=1.5)
+        one.plot(times, truth, color=TRUTH_INK, linestyle="--", label="truth", linewidth=1.5)
+        over_time(one, kind, y=label if one is axes[0] else "")
     figure.savefig(out, dpi=110)
     fit_picture(out)

@@ -1,9 +1,9 @@
-"""One run in STARK, in a process of its own: `python -m benchmarks.stark.run_one SHOT.npz OUT.npz CACHE SECONDS`.
+"""One run in STARK, in a process of its own: `python -m benchmarks.stark.run_one JSON`.
 
-PYTHONPATH names the folder of pystark. SHOT.npz is what shot.py wrote. STARK keeps the code that it compiles in the
-folder CACHE. The march stops after SECONDS of CPU time. OUT.npz has the last positions `last` (n, 3) [m] and, as JSON,
-`record`: for each step the CPU seconds (user and system, without storage), the Newton iterations and the step [s]
-that was taken, and the milliseconds that a fixed loop took after each step.
+PYTHONPATH names the folder of pystark. JSON has `file`, `settings` and `steps` of the scene, `out`, `cache`, the folder
+of the code that STARK compiles, and `limit`, the CPU seconds after which the march stops. `out` is an npz of the last
+positions `last` (n, 3) [m] and, as JSON, `record`: for each step the CPU seconds (without storage), the Newton
+iterations and the step [s] that was taken, and the milliseconds that a fixed loop took after each step.
 
 STARK goes on where a solve has failed, with a harder contact or half of the step, and the time of failed solves
 counts. So the times are those of the way to the scene's end, whatever the number of its steps.
@@ -20,7 +20,9 @@ import numpy as np
 import pystark
 
 from benchmarks.common.run_one import Timer, TimeUp
-from pdvol.scene import rotation_matrix
+from benchmarks.stark.shot import Given, given
+from pdvol.runs.scene_file import load_shot
+from pdvol.scene import Body, Plane, Rotation, Scene, rotation_matrix
 
 THICK, WIDE = 0.1, 4.0
 """Metres: the boxes that stand for planes."""
@@ -36,41 +38,39 @@ STILL = 1e-9
 """Share of a step below which time has not advanced."""
 
 
-def main(shot: str, out: str, cache: str, seconds: str) -> int:
+def main(words: str) -> int:
     """Runs the scene; returns the exit code."""
-    with np.load(shot) as arrays:
-        scene = json.loads(str(arrays["scene"]))
-        meshes = [(arrays[f"points_{k}"], arrays[f"cells_{k}"]) for k in range(len(scene["bodies"]))]
-        turned = [arrays[f"turned_{k}"] for k in range(len(scene["turns"]))]
-        rigid = [(arrays[f"surface_{k}"], arrays[f"faces_{k}"]) for k in range(len(scene["surfaces"]))]
-    simulation = pystark.Simulation(settings(scene, Path(cache)))
+    asked = json.loads(words)
+    scene = load_shot(asked["file"], asked["settings"], asked["steps"]).scene
+    shot = given(scene)
+    simulation = pystark.Simulation(settings(scene, shot, Path(asked["cache"])))
     contact = pystark.EnergyFrictionalContact.GlobalParams()
-    contact.default_contact_thickness = 0.5 * scene["dhat"]  # two thicknesses add up to dhat
+    contact.default_contact_thickness = 0.5 * shot.dhat  # two thicknesses add up to dhat
     contact.min_contact_stiffness = HARD
-    contact.friction_stick_slide_threshold = scene["eps_v"]
-    contact.friction_enabled = scene["mu"] > 0
+    contact.friction_stick_slide_threshold = shot.eps_v
+    contact.friction_enabled = shot.mu > 0
     simulation.interactions().contact().set_global_params(contact)
     bodies = [
-        body(simulation, f"body {k}", scene["dhat"], described, *mesh)
-        for k, (described, mesh) in enumerate(zip(scene["bodies"], meshes, strict=True))
+        add_body(simulation, f"body {k}", shot.dhat, body, *mesh)
+        for k, (body, mesh) in enumerate(zip(scene.bodies, shot.meshes, strict=True))
     ]
-    walls = [box(simulation, f"plane {k}", scene["dhat"], plane) for k, plane in enumerate(scene["planes"])]
-    surfaces = [surface(simulation, f"surface {k}", scene["dhat"], *mesh) for k, mesh in enumerate(rigid)]
-    rub([one.contact for one in bodies], [one.contact for one in (*walls, *surfaces)], scene["mu"])
-    turns = [hold(simulation, bodies[0], vertices) for vertices in turned] + [one.inertia for one in surfaces]
-    timer = Timer(float(seconds))
+    walls = [box(simulation, f"plane {k}", shot.dhat, plane) for k, plane in enumerate(shot.planes)]
+    surfaces = [surface(simulation, f"surface {k}", shot.dhat, *one[:2]) for k, one in enumerate(shot.surfaces)]
+    rub([one.contact for one in bodies], [one.contact for one in (*walls, *surfaces)], shot.mu)
+    turns = [(hold(simulation, bodies[0], vertices), motion) for vertices, motion in shot.turned]
+    turns += [(one.inertia, motion) for one, (*_, motion) in zip(surfaces, shot.surfaces, strict=True)]
+    timer = Timer(float(asked["limit"]))
     steps = march(simulation, scene, turns, timer)
-    last = [
-        one.point_set.get_position(i) for one, mesh in zip(bodies, meshes, strict=True) for i in range(len(mesh[0]))
-    ]
-    np.savez(out, last=np.array(last), record=np.array(json.dumps({"ticks": timer.ticks, **steps})))
+    sizes = [len(points) for points, _ in shot.meshes]
+    last = [one.point_set.get_position(i) for one, size in zip(bodies, sizes, strict=True) for i in range(size)]
+    np.savez(asked["out"], last=np.array(last), record=np.array(json.dumps({"ticks": timer.ticks, **steps})))
     return 0
 
 
 # ---- the scene
 
 
-def settings(scene: dict, cache: Path) -> "pystark.Settings":
+def settings(scene: Scene, shot: Given, cache: Path) -> "pystark.Settings":
     """Time step, gravity and stop criterion of the scene; one thread, no storage; otherwise STARK's own."""
     found = pystark.Settings()
     found.output.simulation_name = "shot"
@@ -79,9 +79,9 @@ def settings(scene: dict, cache: Path) -> "pystark.Settings":
     found.output.fps = 0
     found.output.enable_frame_writes = False
     found.execution.n_threads = 1
-    found.simulation.gravity = np.array(scene["gravity"])
-    found.simulation.max_time_step_size = scene["dt"]
-    found.newton.step_tolerance = scene["tolerance"]
+    found.simulation.gravity = np.array(shot.gravity)
+    found.simulation.max_time_step_size = scene.dt
+    found.newton.step_tolerance = shot.tolerance
     found.newton.residual_tolerance_abs = RESIDUAL
     found.newton.projection_mode = pystark.ProjectionToPD.Progressive
     found.newton.linear_solver = pystark.LinearSolver.BDPCG
@@ -89,27 +89,27 @@ def settings(scene: dict, cache: Path) -> "pystark.Settings":
     return found
 
 
-def body(simulation, name: str, dhat: float, described: dict, points: np.ndarray, cells: np.ndarray):
+def add_body(simulation, name: str, dhat: float, body: Body, points: np.ndarray, cells: np.ndarray):
     """A body of STARK's stable Neo-Hookean law, with lumped masses and without damping."""
     made = pystark.Volume.Params.Soft_Rubber()
-    made.inertia.density, made.inertia.damping = described["density"], 0.0
+    made.inertia.density, made.inertia.damping = body.material.density, 0.0
     made.strain.elasticity_only = True
-    made.strain.youngs_modulus, made.strain.poissons_ratio = described["young"], described["poisson"]
+    made.strain.youngs_modulus, made.strain.poissons_ratio = body.material.young, body.material.poisson
     made.strain.damping = 0.0
     made.contact.contact_thickness = 0.5 * dhat
     found = simulation.presets().deformables().add_volume(name, points, cells, made)
-    for i in range(len(points) if any(described["velocity"]) else 0):
-        found.point_set.set_velocity(i, np.array(described["velocity"]))
+    for i in range(len(points) if any(body.velocity) else 0):
+        found.point_set.set_velocity(i, np.array(body.velocity))
     return found
 
 
-def box(simulation, name: str, dhat: float, plane: dict):
+def box(simulation, name: str, dhat: float, plane: Plane):
     """A plane as the side of a fixed box; its normal lies along an axis."""
-    normal = np.array(plane["normal"]) / np.linalg.norm(plane["normal"])
+    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
     size = np.where(np.abs(normal) > 0.5, THICK, WIDE)
     thickness = pystark.EnergyFrictionalContact.Params().set_contact_thickness(0.5 * dhat)
     *_, found = simulation.presets().rigidbodies().add_box(name, 1.0, size, thickness)
-    found.rigidbody.add_translation(np.array(plane["point"]) - 0.5 * THICK * normal)
+    found.rigidbody.add_translation(np.array(plane.point) - 0.5 * THICK * normal)
     simulation.rigidbodies().add_constraint_fix(found.rigidbody)
     return found
 
@@ -122,11 +122,11 @@ def surface(simulation, name: str, dhat: float, points: np.ndarray, faces: np.nd
     return simulation.presets().deformables().add_prescribed_surface(name, points, faces, made)
 
 
-def transformation(described: dict, time: float) -> tuple:
+def transformation(motion: Rotation, time: float) -> tuple:
     """Shift [m], angle [degrees] and axis of a turn about its centre at a time [s]; STARK turns about the origin."""
-    axis, centre = np.array(described["axis"]), np.array(described.get("centre", (0.0, 0.0, 0.0)))
-    turn = rotation_matrix(described["speed"] * time, axis, 3)
-    return centre - turn @ centre, np.degrees(described["speed"]) * time, axis / np.linalg.norm(axis)
+    axis, centre = np.array(motion.axis), np.array(motion.centre)
+    turn = rotation_matrix(motion.speed * time, axis, 3)
+    return centre - turn @ centre, np.degrees(motion.speed) * time, axis / np.linalg.norm(axis)
 
 
 def rub(bodies: list, walls: list, mu: float) -> None:
@@ -148,15 +148,15 @@ def hold(simulation, held, vertices: np.ndarray):
 # ---- its steps
 
 
-def march(simulation, scene: dict, turns: list, timer: Timer) -> dict[str, list]:
+def march(simulation, scene: Scene, turns: list, timer: Timer) -> dict[str, list]:
     """Marches to the scene's end; lists with an entry for each step that was taken."""
     log, counted = simulation.logger(), 0
     found: dict[str, list] = {"seconds": [], "newton": [], "dt": []}
-    spent, small = 0.0, STILL * scene["dt"]
-    while (now := simulation.get_time()) < scene["dt"] * (scene["steps"] - STILL):
+    spent, small = 0.0, STILL * scene.dt
+    while (now := simulation.get_time()) < scene.dt * (scene.steps - STILL):
         after = now + simulation.get_time_step_size()
-        for turn, described in zip(turns, scene["turns"] + scene["surfaces"], strict=True):
-            turn.set_transformation(*transformation(described, after))
+        for turn, motion in turns:
+            turn.set_transformation(*transformation(motion, after))
         begin = time.process_time()
         simulation.run_one_time_step()
         spent += time.process_time() - begin

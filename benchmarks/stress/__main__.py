@@ -2,65 +2,68 @@
 
     ./run python -m benchmarks.stress [--scenes chain,erleben] [--minutes 20] [--out runs/stress] [--pictures]
 
-Scenes are named in full or by their first letters; scenes already in the folder --out stay in the table. Each runs in a
-process of its own until its end, or until it is stopped between two steps when its minutes of CPU time are over.
-`pdvol verify` checks every state for intersections and inverted cells. The exit code is 0 when every scene came to its
-end, its time limit or a named error and no state is wrong, 1 otherwise, and 2 for a wrong command line.
+Scenes already in the folder --out stay in the table. Each runs in a process of its own until its end, or until its
+minutes of CPU time are over. `pdvol verify` checks every state. The exit code is 0 when every scene came to its end,
+its time limit or a named error and no state is wrong, 1 otherwise.
 """
 
 import sys
 from pathlib import Path
 
-from benchmarks.common import process, trials
+import numpy as np
+from PIL import Image, ImageDraw
+
+from benchmarks.common import trials
 from benchmarks.common.process import REPOSITORY
-from benchmarks.common.rows import STRESS
+from benchmarks.common.rows import NAMES, STRESS
+from benchmarks.common.study import command
 from benchmarks.stress import scenes
+from pdvol.store.reader import open_run
+from pdvol.studio.draw.camera import cameras_of_run
+from pdvol.studio.draw.compose import renderer_by
+from pdvol.studio.draw.layout import BACKGROUND, INK, font
+
+SIZE, ABOVE = (300, 230), 30
+"""Pixels of a picture, and of the name above it."""
 
 
-def main(words: list[str] | None = None) -> int:
+@command(
+    "stress",
+    __doc__,
+    {
+        "--scenes": {**NAMES, "help": "by name or by its beginning (default: all)"},
+        "--minutes": {"type": float, "default": 20.0, "help": "of CPU time, for each scene (default: 20)"},
+        "--out": {"type": Path, "default": REPOSITORY / "runs" / "stress", "help": "for the table and pictures"},
+        "--pictures": {"action": "store_true", "help": "draw each scene, and pictures.png of all"},
+    },
+)
+def main(options) -> int:
     """Runs the command; returns its exit code."""
-    parser = process.parser("stress", __doc__)
-    add = parser.add_argument
-    add("--scenes", default="", metavar="NAME,...", help="by name or by its beginning (default: all)")
-    add("--minutes", type=float, default=20.0, help="of CPU time, for each scene (default: 20)")
-    add("--out", type=Path, default=REPOSITORY / "runs" / "stress", metavar="DIR", help="for the table and pictures")
-    add("--pictures", action="store_true", help="draw each scene, and pictures.png of all")
-    options = parser.parse_args(words)
     keep = (lambda name, path: draw(path, options.out / f"{name}.png")) if options.pictures else (lambda *_: "")
     code = trials.run_all("stress", STRESS, scenes.SCENES, options, 60.0 * options.minutes, keep)
-    if options.pictures and code < 2:
+    if options.pictures:
         sheet(options.out, list(scenes.SCENES))
     return code
 
 
 def draw(path: Path, picture: Path) -> str:
-    """Draws three moments of the finest level that has begun; there is nothing to note."""
-    from pdvol.store.reader import open_run
-    from pdvol.studio.draw.picture import render
-    from pdvol.studio.draw.views import Shot
-
+    """Draws the last moment of the finest level that has begun; there is nothing to note."""
     run = open_run(path)
     level = [level for level in run.levels if level.steps][-1]
-    steps = sorted({0, (level.steps - 1) // 2, level.steps - 1})
-    render(run, picture, [level.index], steps, Shot(turn=25.0, width=360))
+    (camera, *_) = cameras_of_run(run, [level], [level.steps - 1], aspect=SIZE[0] / SIZE[1])
+    with renderer_by(camera, SIZE) as renderer:
+        Image.fromarray(np.asarray(renderer.picture(run, level, level.steps - 1))).save(picture)
     return ""
 
 
-def sheet(folder: Path, names: list[str], columns: int = 4, width: int = 300, height: int = 260) -> None:
-    """pictures.png: the last moment of every scene that has been drawn, side by side."""
-    from PIL import Image, ImageDraw
-
-    from pdvol.studio.draw.layout import BACKGROUND, INK, font
-
-    drawn = [name for name in names if (folder / f"{name}.png").is_file()]
-    page = Image.new("RGB", (columns * width, -(-len(drawn) // columns) * height), BACKGROUND)
+def sheet(folder: Path, names: list[str], columns: int = 4) -> None:
+    """pictures.png: every scene that has been drawn, side by side, below its name."""
+    drawn, (width, height) = [name for name in names if (folder / f"{name}.png").is_file()], SIZE
+    page = Image.new("RGB", (columns * width, -(-len(drawn) // columns) * (height + ABOVE)), BACKGROUND)
     for k, name in enumerate(drawn):
-        picture = Image.open(folder / f"{name}.png")
-        last = picture.crop((picture.width - 368, 42, picture.width - 8, picture.height - 8))
-        last.thumbnail((width - 10, height - 40))
-        x, y = k % columns * width, k // columns * height
-        page.paste(last, (x + (width - last.width) // 2, y + 30 + (height - 30 - last.height) // 2))
-        ImageDraw.Draw(page).text((x + width / 2, y + 16), name.replace("_", " "), INK, font(15), anchor="mm")
+        x, y = k % columns * width, k // columns * (height + ABOVE)
+        page.paste(Image.open(folder / f"{name}.png"), (x, y + ABOVE))
+        ImageDraw.Draw(page).text((x + width / 2, y + ABOVE / 2), name.replace("_", " "), INK, font(15), anchor="mm")
     page.save(folder / "pictures.png", optimize=True)
 
 

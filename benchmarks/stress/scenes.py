@@ -36,8 +36,7 @@ from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, f
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos"))
 
-from benchmarks.common.first_order import first_order
-from benchmarks.common.scenes import DOWN, FLOOR, ORIGIN, X_AXIS, Z_AXIS, named
+from benchmarks.common.scenes import FLOOR, ORIGIN, X_AXIS, Z_AXIS, falling, first_order, named
 from recipes import dolphin
 
 TURN = np.radians(72.0)
@@ -84,22 +83,13 @@ def pins(n: int = 21, pitch: float = 0.1, height: float = 0.4, width: float = 0.
 def mat_on_knives(cuts=(39,)) -> Scene:
     """A soft mat falls on nine blades."""
     body = Body(tuple(mat(n) for n in cuts), NeoHookean(2e4), placement=Placement((0.0, 0.5, 0.0)))
-    return Scene(
-        (body,),
-        dt=0.04,
-        steps=150,
-        loads=(DOWN,),
-        contact=(Barrier(),),
-        obstacles=(FLOOR, Rigid(knives(), name="knives", closed=False)),
-    )
+    return falling([body], 150, 0.04, obstacles=(FLOOR, Rigid(knives(), name="knives", closed=False)))
 
 
 def ball_on_points(vertices=(4000,)) -> Scene:
     """A soft ball of 1 m falls on a field of 441 pins."""
     body = Body(ball(0.5, 4), NeoHookean(1e4), vertices, placement=Placement((0.013, 0.75, 0.007)))
-    return Scene(
-        (body,), dt=0.04, steps=200, loads=(DOWN,), contact=(Barrier(),), obstacles=(Rigid(pins(), name="pins"),)
-    )
+    return falling([body], 200, 0.04, obstacles=(Rigid(pins(), name="pins"),))
 
 
 def twisted(bodies, dt: float, steps: int) -> Scene:
@@ -114,11 +104,8 @@ def twisted(bodies, dt: float, steps: int) -> Scene:
 def rods_twist(cuts=((69, 2, 2),)) -> Scene:
     """Four rods of 1 x 0.1 x 0.1 m side by side, their ends turned 20 times each in 100 s."""
     rod = tuple(brick((1.0, 0.1, 0.1), three) for three in cuts)
-    places = [(y, z) for y in (-0.07, 0.07) for z in (-0.07, 0.07)]
-    rods = (
-        Body(rod, NeoHookean(1e4), name=f"rod {k}", placement=Placement((0.0, *place)))
-        for k, place in enumerate(places)
-    )
+    places = [Placement((0.0, y, z)) for y in (-0.07, 0.07) for z in (-0.07, 0.07)]
+    rods = (Body(rod, NeoHookean(1e4), name=f"rod {k}", placement=place) for k, place in enumerate(places))
     return twisted(tuple(rods), 0.025, 4000)
 
 
@@ -139,41 +126,24 @@ class Squash:
 
 def trash_compactor(gap: float = 0.1) -> Scene:
     """A ball, a mat and a bear in a box of 1 m whose six sides close at 1 m/s to `gap` [m], and open again."""
-    soft = FixedCorotational(1e4)
+    soft, thrown = FixedCorotational(1e4), Placement((0.0, 0.02, 0.0), 0.2, (1.0, 0.3, 0.5))
     bodies = (
         Body(ball(0.15, 3), soft, (900,), name="ball", placement=Placement((0.2, 0.25, 0.1))),
-        Body(
-            (brick((0.5, 0.02, 0.5), (15, 1, 15)),),
-            soft,
-            name="mat",
-            placement=Placement((0.0, 0.02, 0.0), 0.2, (1.0, 0.3, 0.5)),
-        ),
+        Body((brick((0.5, 0.02, 0.5), (15, 1, 15)),), soft, name="mat", placement=thrown),
         Body(creature(0.38, 3000), soft, (1500,), name="bear", placement=Placement((0.02, -0.48, 0.0))),
     )
-    plates = [side * np.eye(3)[axis] for axis in range(3) for side in (-1.0, 1.0)]
-    return Scene(
-        bodies,
-        dt=0.01,
-        steps=250,
-        contact=(Barrier(),),
-        obstacles=tuple(
-            Plane(tuple(0.5 * n), tuple(-n), Squash(-n, 0.5 - gap / 2), name=f"plate {k}") for k, n in enumerate(plates)
-        ),
-    )
+    sides = [side * np.eye(3)[axis] for axis in range(3) for side in (-1.0, 1.0)]
+    close = [Squash(-n, 0.5 - gap / 2) for n in sides]
+    plates = (Plane(tuple(0.5 * n), tuple(-n), close[k], name=f"plate {k}") for k, n in enumerate(sides))
+    return Scene(bodies, dt=0.01, steps=250, contact=(Barrier(),), obstacles=tuple(plates))
 
 
 def dolphin_funnel(vertices=(4000,)) -> Scene:
     """A dolphin is pulled by its nose through a funnel whose neck is a third of its girth."""
     body = Body(dolphin(1.0, 4000), NeoHookean(1e4), vertices, placement=Placement((0.0, 0.45, 0.0)))
     nose = Support(lambda X: X[:, 1] < -0.01, motion=Translation((0.0, -0.08, 0.0)))
-    return Scene(
-        (body,),
-        dt=0.04,
-        steps=800,
-        supports=(nose,),
-        contact=(Barrier(),),
-        obstacles=(Rigid(funnel(0.35, 0.06, 0.45, 0.1), Placement((0.0, 0.02, 0.0)), name="funnel"),),
-    )
+    narrow = Rigid(funnel(0.35, 0.06, 0.45, 0.1), Placement((0.0, 0.02, 0.0)), name="funnel")
+    return Scene((body,), dt=0.04, steps=800, supports=(nose,), contact=(Barrier(),), obstacles=(narrow,))
 
 
 def ball_roller(vertices=(3000,)) -> Scene:
@@ -185,28 +155,22 @@ def ball_roller(vertices=(3000,)) -> Scene:
             centre = np.array([0.0, y, 0.0])
             centre[across] = side * 0.55
             axis = Z_AXIS if across == 0 else X_AXIS
-            # Inward at the top: the roller on the right turns anticlockwise about z, the one in front (z > 0) clockwise
-            # about x.
-            speed = (1 if across == 0 else -1) * side * np.pi / 2
+            speed = (1 if across == 0 else -1) * side * np.pi / 2  # inward at the top
             lying = Placement(tuple(centre), np.pi / 2, X_AXIS if across == 0 else Z_AXIS)
-            rollers.append(
-                Rigid(cylinder(0.35, 2.0, 32), lying, Rotation(speed, tuple(centre), axis), f"roller {len(rollers)}")
-            )
-    return Scene(
-        (body,), dt=0.01, steps=1000, loads=(DOWN,), contact=(Barrier(), Friction(0.5)), obstacles=(FLOOR, *rollers)
-    )
+            turning = Rotation(speed, tuple(centre), axis)
+            rollers.append(Rigid(cylinder(0.35, 2.0, 32), lying, turning, f"roller {len(rollers)}"))
+    return falling([body], 1000, mu=0.5, obstacles=(FLOOR, *rollers))
 
 
 def stiff_ball_on_mat(cuts=(39,), vertices=(1760,)) -> Scene:
     """A ball a hundred times stiffer falls on a mat held at two sides."""
+    stiff, above = NeoHookean(1e8, density=2000.0), Placement((0.0, 1.2, 0.0))
     bodies = (
-        Body(
-            ball(0.15, 4), NeoHookean(1e8, density=2000.0), vertices, name="ball", placement=Placement((0.0, 1.2, 0.0))
-        ),
+        Body(ball(0.15, 4), stiff, vertices, name="ball", placement=above),
         Body(tuple(mat(n) for n in cuts), NeoHookean(1e6), name="mat", placement=Placement((0.0, 1.0, 0.0))),
     )
     sides = Support(lambda X: np.abs(X[:, 0]) > 0.4999, body="mat")
-    return Scene(bodies, dt=0.01, steps=250, loads=(DOWN,), supports=(sides,), contact=(Barrier(),), obstacles=(FLOOR,))
+    return falling(bodies, 250, supports=(sides,))
 
 
 def card_house(n: int = 9) -> Scene:
@@ -230,14 +194,7 @@ def card_house(n: int = 9) -> Scene:
     cube = Body((brick((0.12, 0.12, 0.12)),), stiff, velocity=(0.0, -1.0, 0.0))
     for k, (x, y) in enumerate(((-0.1, 2.0), (0.15, 2.5))):
         bodies.append(replace(cube, name=f"cube {k}", placement=Placement((x, y, 0.05), 0.4, (1.0, 1.0, 0.3))))
-    return Scene(
-        tuple(bodies),
-        dt=0.025,
-        steps=200,
-        loads=(DOWN,),
-        obstacles=(FLOOR,),
-        contact=(Barrier(dhat), Friction(0.9, dhat / 10)),
-    )
+    return falling(bodies, 200, 0.025, contact=(Barrier(dhat), Friction(0.9, dhat / 10)))
 
 
 def masonry_arch(stones: int = 25) -> Scene:
@@ -268,20 +225,10 @@ def masonry_arch(stones: int = 25) -> Scene:
             return np.column_stack([flat, depth * X[:, 2]])
 
         bodies.append(Body((brick(bend=bend),), FixedCorotational(2e10, 0.2, 2300.0), name=f"stone {k}"))
-    inner = half + thick / 2 + gap
-    blocks = tuple(
-        Rigid(box((2.0, 2.0, 4.0)), Placement((side * (inner + 1.0), 1.001, 0.0)), name=f"abutment {side:+d}")
-        for side in (-1, 1)
-    )
-    return Scene(
-        tuple(bodies),
-        dt=0.01,
-        steps=2000,
-        loads=(DOWN,),
-        obstacles=(FLOOR, *blocks),
-        contact=(Barrier(1.355e-6), Friction(0.5, 2.71e-4)),
-        solver=Solver(tolerance=2.71e-3),
-    )
+    outer, block = half + thick / 2 + gap + 1.0, box((2.0, 2.0, 4.0))
+    ends = (Rigid(block, Placement((side * outer, 1.001, 0.0)), name=f"abutment {side:+d}") for side in (-1, 1))
+    contact, solver = (Barrier(1.355e-6), Friction(0.5, 2.71e-4)), Solver(tolerance=2.71e-3)
+    return falling(bodies, 2000, obstacles=(FLOOR, *ends), contact=contact, solver=solver)
 
 
 def chain(links: int = 10) -> Scene:
@@ -291,10 +238,8 @@ def chain(links: int = 10) -> Scene:
     def place(k: int) -> Placement:
         return Placement((0.0, -0.475 * k, 0.0), np.pi / 2, X_AXIS if k % 2 == 0 else Z_AXIS)
 
-    bodies = tuple(Body(ring, soft, (240,), name=f"link {k}", placement=place(k)) for k in range(1, links + 1))
-    return Scene(
-        bodies, dt=0.04, steps=250, loads=(DOWN,), contact=(Barrier(),), obstacles=(Rigid(ring, place(0), name="hook"),)
-    )
+    bodies = (Body(ring, soft, (240,), name=f"link {k}", placement=place(k)) for k in range(1, links + 1))
+    return falling(bodies, 250, 0.04, obstacles=(Rigid(ring, place(0), name="hook"),))
 
 
 def tight_fit(gap: float = 1e-3) -> Scene:
@@ -304,14 +249,8 @@ def tight_fit(gap: float = 1e-3) -> Scene:
     corners = open_box.vertices[open_box.triangles]
     wall = Surface(open_box.vertices, open_box.triangles[~(corners[:, :, 1] > 0.49).all(axis=1)])
     cube = Body((brick(cuts=(5, 5, 5)),), NeoHookean(1e5), placement=Placement((0.0, 0.6, 0.0)))
-    return Scene(
-        (cube,),
-        dt=0.04,
-        steps=100,
-        loads=(DOWN,),
-        contact=(Barrier(Relative(1e-5)),),
-        obstacles=(Rigid(wall, name="box", closed=False),),
-    )
+    around = Rigid(wall, name="box", closed=False)
+    return falling([cube], 100, 0.04, contact=(Barrier(Relative(1e-5)),), obstacles=(around,))
 
 
 # ---- Erleben's pairs
@@ -341,12 +280,8 @@ def sheet(points, n: int = 1) -> Surface:
     """The grid (rows of n + 1 points) as an open surface."""
     points = np.asarray(points, dtype=float)
     i = (np.arange(len(points) // (n + 1) - 1)[:, None] * (n + 1) + np.arange(n)).ravel()
-    return Surface(
-        points,
-        np.vstack([np.column_stack([i, i + n + 1, i + 1]), np.column_stack([i + 1, i + n + 1, i + n + 2])]).astype(
-            np.int32
-        ),
-    )
+    faces = [np.column_stack([i, i + n + 1, i + 1]), np.column_stack([i + 1, i + n + 1, i + n + 2])]
+    return Surface(points, np.vstack(faces).astype(np.int32))
 
 
 def lying(n: int) -> Surface:
@@ -357,42 +292,24 @@ def lying(n: int) -> Surface:
 
 def groove(half: float, depth: float) -> Surface:
     """A ground with a V-shaped crack along z."""
-    return sheet(
-        [(x, y, z) for x, y in ((-1.0, 0.0), (-half, 0.0), (0.0, -depth), (half, 0.0), (1.0, 0.0)) for z in (-1.0, 1.0)]
-    )
+    section = ((-1.0, 0.0), (-half, 0.0), (0.0, -depth), (half, 0.0), (1.0, 0.0))
+    return sheet([(x, y, z) for x, y in section for z in (-1.0, 1.0)])
 
 
 def pit(half: float, depth: float) -> Surface:
     """A ground with a four-sided hole that narrows to a point."""
     ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    points = np.vstack(
-        [np.insert(ring * 1.0, 1, 0.0, axis=1), np.insert(half * ring, 1, 0.0, axis=1), [[0.0, -depth, 0.0]]]
-    )
-    faces = [
-        f
-        for k in range(4)
-        for f in ((k, 4 + (k + 1) % 4, (k + 1) % 4), (k, 4 + k, 4 + (k + 1) % 4), (4 + k, 8, 4 + (k + 1) % 4))
-    ]
+    points = np.vstack([np.insert(size * ring, 1, 0.0, axis=1) for size in (1.0, half)] + [[[0.0, -depth, 0.0]]])
+    sides = [(k, (k + 1) % 4) for k in range(4)]
+    faces = [f for k, n in sides for f in ((k, 4 + n, n), (k, 4 + k, 4 + n), (4 + k, 8, 4 + n))]
     return Surface(points, np.array(faces, dtype=np.int32))
 
 
-def pair(
-    falling: tuple[np.ndarray, np.ndarray],
-    below: Surface | Solid,
-    height: float = 0.05,
-    shift=(0.0, 0.0),
-    closed: bool = False,
-) -> Scene:
-    """One small body falls on one rigid shape, with mu = 1."""
-    body = Body((solid(*falling),), FixedCorotational(1e5), placement=Placement((shift[0], height, shift[1])))
-    return Scene(
-        (body,),
-        dt=0.005,
-        steps=2000,
-        loads=(DOWN,),
-        contact=(Barrier(), Friction(1.0)),
-        obstacles=(replace(FLOOR, point=(0.0, -3.0, 0.0)), Rigid(below, name="below", closed=closed)),
-    )
+def pair(falling_one, below: Surface | Solid, shift: float = 0.0, closed: bool = False) -> Scene:
+    """One small body falls by 5 cm on one rigid shape, with mu = 1."""
+    body = Body((solid(*falling_one),), FixedCorotational(1e5), placement=Placement((shift, 0.05, 0.0)))
+    deep = replace(FLOOR, point=(0.0, -3.0, 0.0))
+    return falling([body], 2000, 0.005, mu=1.0, obstacles=(deep, Rigid(below, name="below", closed=closed)))
 
 
 def cube(up: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -410,23 +327,14 @@ PAIRS = {
     "wedge_plane": lambda: pair(wedge(False), lying(1)),
     "wedge_wedge": lambda: pair(wedge(False), solid(*wedge(True)), closed=True),
     "wedge_crack": lambda: pair(wedge(False), groove(0.15, 1.0)),
-    "cube_cliff": lambda: pair(cube(True), solid(*cube(False)), shift=(0.45, 0.0), closed=True),
+    "cube_cliff": lambda: pair(cube(True), solid(*cube(False)), shift=0.45, closed=True),
     "cube_internal_edges": lambda: pair(cube(True), lying(8)),
 }
 
+WHOLE = (mat_on_knives, ball_on_points, rods_twist, mat_twist, trash_compactor, dolphin_funnel, ball_roller)
+WHOLE += (stiff_ball_on_mat, card_house, masonry_arch, chain, tight_fit)
 SCENES = {
-    "mat_on_knives": mat_on_knives,
-    "ball_on_points": ball_on_points,
-    "rods_twist": rods_twist,
-    "mat_twist": mat_twist,
-    "trash_compactor": trash_compactor,
-    "dolphin_funnel": dolphin_funnel,
-    "ball_roller": ball_roller,
-    "stiff_ball_on_mat": stiff_ball_on_mat,
-    "card_house": card_house,
-    "masonry_arch": masonry_arch,
-    "chain": chain,
-    "tight_fit": tight_fit,
+    **{make.__name__: make for make in WHOLE},
     **{f"erleben_{name}": make for name, make in PAIRS.items()},
     "mat_on_knives_levels": lambda: mat_on_knives((9, 19, 39)),
     "ball_on_points_levels": lambda: ball_on_points((300, 1000, 4000)),

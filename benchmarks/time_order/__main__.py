@@ -1,42 +1,32 @@
-"""Implicit Euler and BDF2: their order in the time step, what is left of a swing, and how far shots are from the truth.
+"""Implicit Euler and BDF2: their order in the time step, and how far shots and levels are from the truth.
 
-    ./run python -m benchmarks.time_order [--parts order,swings,shots,levels] [--out runs/time_order]
+    ./run python -m benchmarks.time_order [--parts order,shots,levels] [--out runs/time_order]
 
 Distances are root mean squares over the vertices. The truth of a level is BDF2 at a tenth of the shots' time step.
 Written to the folder: time_order.md.
 """
 
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from mpi4py import MPI
-from scipy.linalg import eigh
 
 import pdvol
-from benchmarks.common import process
-from benchmarks.common.first_order import first_order
-from benchmarks.common.process import Mistake, machine
+from benchmarks.common.process import machine
+from benchmarks.common.rows import chosen
+from benchmarks.common.scenes import falling, first_order
+from benchmarks.common.study import command
 from benchmarks.common.tables import number, table
 from demos import ball_on_spike
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Solid, Solver, Support, meshes
-from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.integrate.marches import Start, direct
-from pdvol.integrate.stepper import Stepper
-from pdvol.levels.model import level_model
-from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import Positions
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Solid, Support, meshes
 
 DT, TRUTH = 0.01, 0.001
 """Time step of the shots, and of what they are compared with [s]."""
 ORDER_STEPS = (0.005, 0.0025, 0.00125)
 """Time steps between which orders are measured [s]; the truth has a fifth of the last one."""
-SWINGS, STEPS_A_SWING = 10, 40
 NAMES = {"implicit_euler": "implicit Euler", "bdf2": "BDF2"}
-G = Gravity((0.0, -9.81))
 
 
 def grid(size: tuple[float, float], cuts: tuple[int, int]) -> Solid:
@@ -50,10 +40,8 @@ def grid(size: tuple[float, float], cuts: tuple[int, int]) -> Solid:
 
 def cantilever(d: int = 2, damping: float = 0.0) -> Scene:
     """A bar of 1 x 0.2 m, held at its left end, which gravity sets swinging; in 2D with three levels."""
-    if d == 2:
-        shapes: tuple[Solid, ...] = tuple(grid((1.0, 0.2), (10 * n, 2 * n)) for n in (1, 2, 4))
-    else:
-        shapes = (meshes.brick((1.0, 0.2, 0.2), (10, 2, 2)),)
+    flat = tuple(grid((1.0, 0.2), (10 * n, 2 * n)) for n in (1, 2, 4))
+    shapes = flat if d == 2 else (meshes.brick((1.0, 0.2, 0.2), (10, 2, 2)),)
     left = min(shape.vertices[:, 0].min() for shape in shapes)
     return Scene(
         bodies=(Body(shapes, NeoHookean(1e5, 0.3, 1000.0, damping=damping), name="bar"),),
@@ -66,16 +54,10 @@ def cantilever(d: int = 2, damping: float = 0.0) -> Scene:
 
 def bouncing_disc(damping: float = 0.0, mu: float = 0.0) -> Scene:
     """A soft disc of 0.25 m falls from 0.6 m onto the ground, with a velocity along it, and bounces."""
-    material = NeoHookean(1e5, 0.3, 1000.0, damping=damping)
-    placement, speed = Placement(translate=(0.0, 0.85)), (0.5, 0.0)
-    return Scene(
-        bodies=(Body(meshes.disc(0.25), material, (120,), "disc", placement=placement, velocity=speed),),
-        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),),
-        loads=(G,),
-        contact=(Barrier(), *_friction(mu)),
-        dt=DT,
-        steps=100,
-    )
+    material, above = NeoHookean(1e5, 0.3, 1000.0, damping=damping), Placement((0.0, 0.85))
+    disc = Body(meshes.disc(0.25), material, (120,), "disc", placement=above, velocity=(0.5, 0.0))
+    ground, contact = Plane((0.0, 0.0), (0.0, 1.0)), (Barrier(), *_friction(mu))
+    return falling([disc], 100, DT, obstacles=(ground,), loads=(Gravity((0.0, -9.81)),), contact=contact)
 
 
 def ball(offset: float = 0.002, damping: float = 0.0) -> Scene:
@@ -104,13 +86,11 @@ def states(
     scene = replace(first_order(scene), dt=dt, steps=round(end / dt), integrator=integrator)
     every = round(DT / dt) if dt < DT else 1
     found: list[dict] = []
-    begin = time.process_time()
     for step in pdvol.march(scene, levels=levels, method=method):
         if step.level == len(found):
             found.append({"x": [], "newton": 0})
         mine = found[step.level]
         mine["newton"] += step.report.newton_iterations
-        mine["seconds"] = time.process_time() - begin
         if step.step % every == 0:
             mine["x"].append(step.positions)
     return found
@@ -140,49 +120,6 @@ def orders() -> str:
             slope = np.polyfit(np.log(ORDER_STEPS), np.log(errors), 1)[0]
             rows.append([f"{d}D", NAMES[name], *(number(1e3 * error) for error in errors), f"{slope:.2f}"])
     return table(["cantilever", "integrator", *(f"error at {dt:g} s [mm]" for dt in ORDER_STEPS), "order"], rows)
-
-
-def swings(count: int = SWINGS) -> str:
-    """What is left of the amplitude of a bar's first bending mode."""
-    mesh = grid((1.0, 0.2), (10, 2))
-    level = LevelMesh(mesh.vertices, mesh.cells, mesh.regions, mesh.regions)
-    scene = replace(first_order(cantilever()), loads=(), solver=Solver(tolerance=1e-9, linear="direct"))
-    stepper = _stepper(scene, level)
-    free = level.points[:, 0] > 1e-9
-    mass = np.repeat(stepper.space.to_input(stepper.potential.mass)[free, 0], 2)
-
-    def force(free_move: np.ndarray) -> np.ndarray:
-        x = level.points.copy()
-        x[free] += free_move.reshape(-1, 2)
-        at = Positions(stepper.space, stepper.space.from_input(x))
-        return stepper.space.to_input(-sum(term.gradient(at) for term in stepper.potential.terms))[free].ravel()
-
-    h, unit = 1e-6, np.eye(len(mass))
-    stiffness = np.array([(force(-h * row) - force(h * row)) / (2.0 * h) for row in unit])
-    squares, modes = eigh((stiffness + stiffness.T) / 2.0, np.diag(mass))
-    omega, mode = float(np.sqrt(squares[0])), modes[:, 0]
-    velocity = np.zeros_like(level.points)
-    velocity[free] = (1e-3 * omega * mode / np.abs(mode).max()).reshape(-1, 2)
-    turn, steps = 2.0 * np.pi / STEPS_A_SWING, count * STEPS_A_SWING
-    z = [1.0, 1.0 / (1.0 - 1j * turn)]  # both of z' = i z, which begin with a step of implicit Euler
-    for _ in range(steps - 1):
-        z.append((4.0 * z[-1] - z[-2]) / (3.0 - 2j * turn))
-    expected = {"implicit_euler": abs(z[1]) ** steps, "bdf2": abs(z[-1])}
-    rows = []
-    for name in NAMES:
-        stepper = _stepper(replace(scene, dt=turn / omega, steps=steps, integrator=name), level)
-        for report in direct(stepper, Start.at_rest(level.points, velocity), steps):
-            moved, speed = (report.positions - level.points)[free].ravel(), report.velocity[free].ravel()
-        # In the mode's own coordinate, whose mass is one, an amplitude is that of q and q' / omega together.
-        left = np.hypot(mode @ (mass * moved) * omega, mode @ (mass * speed))
-        whole = mode @ (mass * velocity[free].ravel())
-        rows.append([NAMES[name], f"{left / whole:.2%}", f"{expected[name]:.2%}"])
-    return table(["integrator", f"left after {count} swings of {STEPS_A_SWING} steps", "by its formula"], rows)
-
-
-def _stepper(scene: Scene, level: LevelMesh) -> Stepper:
-    model = level_model(scene, level, 0, 1.0, ())
-    return Stepper(model, LevelSpace(level, MPI.COMM_SELF))
 
 
 def shots() -> str:
@@ -218,58 +155,33 @@ def levels() -> str:
             level_0 = states(scene, TRUTH, "bdf2")[0]["x"]
             for level, (mine, truth) in enumerate(zip(found, truths, strict=True)):
                 centres = [np.linalg.norm(a.mean(0) - b.mean(0)) for a, b in zip(mine["x"], level_0, strict=True)]
-                ends = [
-                    1e3 * apart(mine["x"][-1], truth["x"][-1]),
-                    1e3 * over_shot(mine, truth),
-                    1e3 * np.mean(centres),
-                ]
-                rows.append([method, NAMES[name], str(level), *map(number, ends), str(mine["newton"])])
-    return table(
-        [
-            "method",
-            "integrator",
-            "level",
-            f"end from that at {TRUTH:g} s [mm]",
-            "the same over the shot [mm]",
-            "centre from level 0's truth, over the shot [mm]",
-            "Newton",
-        ],
-        rows,
-    )
+                ends = (apart(mine["x"][-1], truth["x"][-1]), over_shot(mine, truth), np.mean(centres))
+                cells = [number(1e3 * end) for end in ends]
+                rows.append([method, NAMES[name], str(level), *cells, str(mine["newton"])])
+    head = ["method", "integrator", "level", f"end from that at {TRUTH:g} s [mm]", "the same over the shot [mm]"]
+    return table([*head, "centre from level 0's truth, over the shot [mm]", "Newton"], rows)
 
 
-PARTS: dict[str, Callable[[], str]] = {
-    "order": orders,
-    "swings": swings,
-    "shots": shots,
-    "levels": levels,
-}
+PARTS: dict[str, Callable[[], str]] = {"order": orders, "shots": shots, "levels": levels}
 
 
-def main(words: list[str]) -> int:
+@command(
+    "time_order",
+    __doc__,
+    {
+        "--parts": {"default": ",".join(PARTS), "help": f"some of {', '.join(PARTS)} (default: all)"},
+        "--out": {"type": Path, "default": Path("runs/time_order")},
+    },
+)
+def main(options) -> None:
     """Runs the parts asked for, and prints and keeps their tables."""
-    parser = process.parser("time_order", __doc__)
-    parser.add_argument("--parts", default=",".join(PARTS), help=f"some of {', '.join(PARTS)} (default: all)")
-    parser.add_argument("--out", type=Path, default=Path("runs/time_order"))
-    options = parser.parse_args(words)
-    try:
-        wanted = options.parts.split(",")
-        for part in wanted:
-            if part not in PARTS:
-                raise Mistake(f"there is no part {part!r}; there are {', '.join(PARTS)}")
-        options.out.mkdir(parents=True, exist_ok=True)
-    except (Mistake, OSError) as error:
-        print(f"benchmarks.time_order: {error}", file=sys.stderr)
-        return 2
     texts = [f"{machine()['processor']}, one thread."]
-    for part in wanted:
-        begin = time.process_time()
+    options.out.mkdir(parents=True, exist_ok=True)
+    for part in chosen(options.parts, PARTS):
         texts.append(PARTS[part]())
         print(f"{texts[-1]}\n", flush=True)
-        print(f"{part}: {time.process_time() - begin:.0f} s", file=sys.stderr, flush=True)
     (options.out / "time_order.md").write_text("\n\n".join(texts) + "\n")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

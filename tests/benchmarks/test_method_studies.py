@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmarks.methods import __main__ as methods
-from pdvol.geometry.level_mesh import boundary_facets
 from shapes import box
 
 
@@ -17,7 +16,6 @@ def judged(points, cells, states, bodies=None, obstacles=()):
         cells=cells,
         bodies=np.zeros(len(cells), int) if bodies is None else bodies,
         steps=len(states),
-        surface=boundary_facets(cells)[0],
         positions=states.__getitem__,
     )
     return methods.states(level, obstacles)

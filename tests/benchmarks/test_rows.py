@@ -78,10 +78,9 @@ def words(tmp_path):
 
 
 def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
-    def by_stark(folder, aside, cache, steps):
+    def by_stark(row, steps, meshes, folder, cache):
         """In STARK's place: its time is twice a second, and all its vertices stay where they are."""
-        with np.load(aside / "shot.npz") as arrays:
-            rest = np.concatenate([arrays["points_0"], arrays["points_1"]])
+        rest = np.concatenate([points for points, _ in meshes])
         state = {"rest": rest, "last": rest, "cells": np.array([[0, 1, 2, 4]]), "step": steps}
         return stark.ended(record((9.0, 2.0), dt=[0.01] * 2), steps, "", state), state
 
@@ -122,7 +121,7 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
         (fronts, ("spike,nothing",), "nothing"),
         (hertz, ("--cells", "two"), "two"),
         (stress, ("--scenes", "nothing"), "nothing"),
-        (time_order, ("--parts", "order,speed"), "there is no part 'speed'; there are order, swings, shots, levels"),
+        (time_order, ("--parts", "order,speed"), "there is no 'speed'; choose from order, shots, levels"),
     ],
 )
 def test_a_mistake_is_one_line(study, more, said, tiny, words, tmp_path, capsys):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pdvol
-from benchmarks.common.first_order import first_order
+from benchmarks.common.scenes import first_order
 from benchmarks.stress import __main__ as stress
 from benchmarks.stress import scenes
 from pdvol.levels.initial_state import check_start

@@ -19,13 +19,13 @@ from pdvol.meshes import brick
 
 sys.path.append(str(Path(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
 
-from benchmarks.common.first_order import first_order
-from benchmarks.common.scenes import DOWN, FLOOR, ORIGIN, X_AXIS, named
+from benchmarks.common.scenes import ORIGIN, X_AXIS, falling, first_order, named
 
 PEERS = Path(__file__).resolve().parents[4] / "shared" / "peers"
 MATERIAL = NeoHookean(2e5, poisson=0.4, density=1000.0)
 BARRIER = Barrier(dhat=1e-3)
 SOLVER = Solver(tolerance=1e-3)
+RUB = Friction(0.3, eps_v=1e-3)
 SIDE = 1e-6
 """Metres within which a vertex belongs to an end face."""
 
@@ -51,31 +51,20 @@ def solid(points: np.ndarray, cells: np.ndarray) -> Solid:
 # ---- scenes
 
 
+def of_peers(bodies, steps: int, *frictions: Friction, **more) -> Scene:
+    """A scene with the peers' gravity, floor, contact distance, tolerance and time step."""
+    return falling(bodies, steps, **{"contact": (BARRIER, *frictions), "solver": SOLVER, **more})
+
+
 def drop(peers: Path, mesh: str) -> Scene:
     """A sphere of radius 0.5 m, its centre 0.8 m above the ground, falls."""
-    return Scene(
-        bodies=(Body((peer_mesh(peers, mesh),), MATERIAL),),
-        obstacles=(FLOOR,),
-        loads=(DOWN,),
-        contact=(BARRIER, Friction(0.3, eps_v=1e-3)),
-        solver=SOLVER,
-        dt=0.01,
-        steps=100,
-    )
+    return of_peers([Body((peer_mesh(peers, mesh),), MATERIAL)], 100, RUB)
 
 
 def blocks(peers: Path) -> Scene:
     """Two cubes of 0.5 m, the lower one 2 mm above the ground, the upper one 0.1 m above the lower."""
     bodies = tuple(Body((peer_mesh(peers, f"block_{name}_2k"),), MATERIAL, name=name) for name in ("lo", "hi"))
-    return Scene(
-        bodies=bodies,
-        obstacles=(FLOOR,),
-        loads=(DOWN,),
-        contact=(BARRIER, Friction(0.5, eps_v=1e-3)),
-        solver=SOLVER,
-        dt=0.01,
-        steps=60,
-    )
+    return of_peers(bodies, 60, Friction(0.5, eps_v=1e-3))
 
 
 def twist(levels: tuple[Solid, ...], speed: float, steps: int = 100) -> Scene:
@@ -89,9 +78,7 @@ def twist(levels: tuple[Solid, ...], speed: float, steps: int = 100) -> Scene:
         Support(lambda X: X[:, 0] < -0.5 + SIDE, motion=Rotation(turn, ORIGIN, X_AXIS)),
         Support(lambda X: X[:, 0] > 0.5 - SIDE, motion=Rotation(-turn, ORIGIN, X_AXIS)),
     )
-    return Scene(
-        bodies=(Body(levels, MATERIAL),), supports=ends, contact=(BARRIER,), solver=SOLVER, dt=0.01, steps=steps
-    )
+    return of_peers([Body(levels, MATERIAL)], steps, supports=ends, loads=(), obstacles=())
 
 
 def impact(peers: Path, speed: float) -> Scene:
@@ -105,18 +92,8 @@ def impact(peers: Path, speed: float) -> Scene:
     ball = solid(0.2 * (ball.vertices - [0.0, 0.8, 0.0]) + [0.0, 0.15, 0.0], ball.cells)
     slab = solid(slab.vertices - [0.0, 0.05, 0.0], slab.cells)
     rim = Support(lambda X: np.abs(X[:, [0, 2]]).max(axis=1) > 0.5 - SIDE, body="slab")
-    return Scene(
-        bodies=(
-            Body((ball,), MATERIAL, name="ball", velocity=(0.0, -float(speed), 0.0)),
-            Body((slab,), MATERIAL, name="slab"),
-        ),
-        supports=(rim,),
-        loads=(DOWN,),
-        contact=(BARRIER,),
-        solver=SOLVER,
-        dt=0.01,
-        steps=20,
-    )
+    thrown = Body((ball,), MATERIAL, name="ball", velocity=(0.0, -float(speed), 0.0))
+    return of_peers([thrown, Body((slab,), MATERIAL, name="slab")], 20, supports=(rim,), obstacles=())
 
 
 def bar(*cuts: tuple[int, int, int]) -> tuple[Solid, ...]:

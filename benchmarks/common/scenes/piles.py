@@ -30,11 +30,9 @@ from pdvol.meshes import Solid, ball, bowl, brick, cylinder
 
 sys.path.append(str(Path(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
 
-from benchmarks.common.first_order import first_order
-from benchmarks.common.scenes import DOWN, FLOOR, X_AXIS, Z_AXIS, named
-from benchmarks.common.scenes.peers import BARRIER, MATERIAL, SOLVER
+from benchmarks.common.scenes import FLOOR, X_AXIS, Z_AXIS, falling, first_order, named
+from benchmarks.common.scenes.peers import MATERIAL, RUB, of_peers
 
-RUB = Friction(0.3, eps_v=1e-3)
 GAP = 9e-4
 """Metres between faces that touch at the start: nine tenths of the contact distance."""
 
@@ -52,11 +50,9 @@ def kept(name: str) -> Solid:
 def stack(count: int = 5, side: float = 0.2, cuts: int = 7, steps: int = 100) -> Scene:
     """Cubes on the floor, face on face, their meshes alike: most edges of two faces are parallel."""
     cube = brick((side, side, side), (cuts, cuts, cuts))
-    bodies = tuple(
-        Body((cube,), MATERIAL, name=f"cube {k}", placement=Placement((0.0, GAP + side / 2 + k * (side + GAP), 0.0)))
-        for k in range(count)
-    )
-    return Scene(bodies, dt=0.01, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(BARRIER, RUB), solver=SOLVER)
+    places = [Placement((0.0, GAP + side / 2 + k * (side + GAP), 0.0)) for k in range(count)]
+    bodies = (Body((cube,), MATERIAL, name=f"cube {k}", placement=place) for k, place in enumerate(places))
+    return of_peers(bodies, steps, RUB)
 
 
 def balls(across: int = 3, radius: float = 0.1, steps: int = 80) -> Scene:
@@ -67,28 +63,13 @@ def balls(across: int = 3, radius: float = 0.1, steps: int = 80) -> Scene:
     for place in np.ndindex(across, across, across):
         centre = pitch * (np.array(place) - [(across - 1) / 2, -0.6, (across - 1) / 2])
         centre += 0.1 * radius * dice.uniform(-1.0, 1.0, 3)
-        bodies.append(
-            Body(
-                (shape,),
-                MATERIAL,
-                name=f"ball {len(bodies)}",
-                placement=Placement(tuple(centre)),
-                velocity=(0.0, -2.0, 0.0),
-            )
-        )
+        at, name = Placement(tuple(centre)), f"ball {len(bodies)}"
+        bodies.append(Body((shape,), MATERIAL, name=name, placement=at, velocity=(0.0, -2.0, 0.0)))
     walls = tuple(
         Plane(tuple(-wall * n), tuple(n), name=f"wall {k}")
         for k, n in enumerate(side * np.eye(3)[axis] for axis in (0, 2) for side in (-1.0, 1.0))
     )
-    return Scene(
-        tuple(bodies),
-        dt=0.01,
-        steps=steps,
-        loads=(DOWN,),
-        obstacles=(FLOOR, *walls),
-        contact=(BARRIER, RUB),
-        solver=SOLVER,
-    )
+    return of_peers(bodies, steps, RUB, obstacles=(FLOOR, *walls))
 
 
 def plates(cuts: int = 15, fraction: float = 0.4, steps: int = 40) -> Scene:
@@ -100,7 +81,7 @@ def plates(cuts: int = 15, fraction: float = 0.4, steps: int = 40) -> Scene:
     bottom = Plane((0.0, -side / 2 - GAP, 0.0), (0.0, 1.0, 0.0), name="bottom")
     top = Plane((0.0, side / 2 + GAP, 0.0), (0.0, -1.0, 0.0), Translation((0.0, -speed, 0.0)), "top")
     block = Body((brick((side, side, side), (cuts, cuts, cuts)),), MATERIAL, name="block")
-    return Scene((block,), dt=dt, steps=steps, obstacles=(bottom, top), contact=(BARRIER, RUB), solver=SOLVER)
+    return of_peers([block], steps, RUB, dt=dt, loads=(), obstacles=(bottom, top))
 
 
 def struck(speed: float, away: float = 0.01, cuts: int = 6, steps: int = 20) -> Scene:
@@ -109,12 +90,8 @@ def struck(speed: float, away: float = 0.01, cuts: int = 6, steps: int = 20) -> 
     """
     radius, side = 0.1, 0.3
     cube = Body((brick((side, side, side), (cuts, cuts, cuts)),), NeoHookean(1e5), name="cube")
-    hammer = Rigid(
-        ball(radius, 3),
-        Placement((-side / 2 - radius - away, 0.0, 0.0)),
-        Translation((float(speed), 0.0, 0.0)),
-        name="ball",
-    )
+    start, way = Placement((-side / 2 - radius - away, 0.0, 0.0)), Translation((float(speed), 0.0, 0.0))
+    hammer = Rigid(ball(radius, 3), start, way, name="ball")
     return Scene((cube,), dt=0.01, steps=steps, obstacles=(hammer,), contact=(Barrier(),))
 
 
@@ -126,45 +103,26 @@ def jelly_bowl(steps: int = 60) -> Scene:
         ("frog", (0.0, -0.93, 0.36), (-4.0, 0.0, 1.0)),
     )
     jelly, length = NeoHookean(6e4, 0.45, 1000.0), 1e-3 * DIAGONAL
-    bodies = tuple(
+    bodies = (
         Body((kept(name),), jelly, name=name, spin=spin, velocity=tuple(6.0 * part for part in way))
         for name, way, spin in thrown
     )
-    return Scene(
-        bodies,
-        dt=0.01,
-        steps=steps,
-        loads=(DOWN,),
-        obstacles=(Rigid(bowl(1.0, 0.6, 0.05), name="bowl"),),
-        contact=(Barrier(dhat=length), Friction(0.05, eps_v=length)),
-        solver=Solver(tolerance=length),
-    )
+    contact, solver = (Barrier(dhat=length), Friction(0.05, eps_v=length)), Solver(tolerance=length)
+    return falling(bodies, steps, obstacles=(Rigid(bowl(1.0, 0.6, 0.05), name="bowl"),), contact=contact, solver=solver)
 
 
 def rollers(gap: float = 0.12, turns: float = 0.8, cuts: int = 4, steps: int = 60) -> Scene:
     """A soft block of 0.2 x 0.4 x 0.3 m is drawn through two turning rollers, `gap` [m] apart, `turns` [1/s]."""
     radius, dt = 0.16, 0.02
-    block = Body(
-        (brick((0.2, 0.4, 0.3), (cuts, 2 * cuts, 3 * cuts // 2)),),
-        NeoHookean(8e3, poisson=0.42, density=1000.0),
-        name="block",
-        placement=Placement((0.0, 0.37, 0.0)),
-    )
+    mesh, soft = brick((0.2, 0.4, 0.3), (cuts, 2 * cuts, 3 * cuts // 2)), NeoHookean(8e3, 0.42, 1000.0)
+    block = Body((mesh,), soft, name="block", placement=Placement((0.0, 0.37, 0.0)))
 
     def roller(side: int) -> Rigid:
         centre = (side * (radius + gap / 2), 0.0, 0.0)
         turning = Rotation(side * 2.0 * np.pi * turns, centre, Z_AXIS)
         return Rigid(cylinder(radius, 0.7, 48), Placement(centre, np.pi / 2, X_AXIS), turning, name=f"roller {side}")
 
-    return Scene(
-        (block,),
-        dt=dt,
-        steps=steps,
-        loads=(DOWN,),
-        obstacles=(roller(-1), roller(1)),
-        contact=(BARRIER, Friction(0.6, eps_v=1e-3)),
-        solver=SOLVER,
-    )
+    return of_peers([block], steps, Friction(0.6, eps_v=1e-3), dt=dt, obstacles=(roller(-1), roller(1)))
 
 
 SCENES = {

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
+from pdvol import Body, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "demos"))
+sys.path += [str(Path(__file__).resolve().parents[2] / name) for name in ("", "demos")]  # it is no package's part
+
 import recipes
+from benchmarks.common.scenes import falling
 
 SHAPES = {
     "disc": (2, lambda r: meshes.disc(r)),
@@ -22,7 +24,7 @@ SHAPES = {
 VERTICES = {2: (60, 200), 3: (100, 300)}
 
 
-def scene(seed=0, steps=80, dt=0.01):
+def scene(seed=0, steps=80, dt=0.01) -> Scene:
     """One body above the ground, a round stone below it in half of the shots."""
     draw = np.random.default_rng([7, seed])
     dim, shape = SHAPES[list(SHAPES)[draw.integers(len(SHAPES))]]
@@ -33,30 +35,14 @@ def scene(seed=0, steps=80, dt=0.01):
     height = float(draw.uniform(4.5, 6.0)) * radius
     stone = meshes.disc(0.5 * radius, 48) if dim == 2 else meshes.solids.ball(0.5 * radius, 2)
     stones = draw.uniform() < 0.5
-    return Scene(
-        bodies=(
-            Body(
-                shape(radius),
-                NeoHookean(float(10.0 ** draw.uniform(4.3, 5.5)), float(draw.uniform(0.2, 0.45)), 1000.0),
-                VERTICES[dim],
-                name="body",
-                placement=Placement(translate=tuple(height * up), angle=float(draw.uniform(0.0, 1.0))),
-                velocity=tuple(velocity),
-                spin=spin,
-            ),
-        ),
-        obstacles=(
-            Plane((0.0,) * dim, tuple(up), name="ground"),
-            *(
-                Rigid(stone, name="stone", placement=Placement(translate=tuple(0.52 * radius * up)))
-                for _ in range(stones)
-            ),
-        ),
-        loads=(Gravity(tuple(-9.81 * up)),),
-        contact=(Barrier(), Friction(float(draw.uniform(0.0, 0.6)))),
-        dt=dt,
-        steps=steps,
-    )
+    material = NeoHookean(float(10.0 ** draw.uniform(4.3, 5.5)), float(draw.uniform(0.2, 0.45)), 1000.0)
+    place = Placement(tuple(height * up), angle=float(draw.uniform(0.0, 1.0)))
+    body = Body(shape(radius), material, VERTICES[dim], "body", placement=place, velocity=tuple(velocity), spin=spin)
+    obstacles = [Plane((0.0,) * dim, tuple(up), name="ground")]
+    if stones:
+        obstacles.append(Rigid(stone, name="stone", placement=Placement(tuple(0.52 * radius * up))))
+    mu, down = float(draw.uniform(0.0, 0.6)), Gravity(tuple(-9.81 * up))
+    return falling([body], steps, dt, mu, loads=(down,), obstacles=tuple(obstacles))
 
 
 if __name__ == "__main__":

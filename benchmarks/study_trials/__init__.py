@@ -1,1 +1,0 @@
-"""Do a study's predictions hold? Random shots against finer references."""
