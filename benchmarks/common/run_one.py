@@ -85,7 +85,7 @@ def main(words: str) -> int:
 
     import pdvol.forms
     import pdvol.meshes
-    from pdvol.runs.runner import run_scene
+    from pdvol.runs import runner
 
     try:
         from pdvol.runs.scene_file import load_shot
@@ -99,7 +99,9 @@ def main(words: str) -> int:
     outcome, reason = "done", ""
     try:
         shot = load_shot(asked["file"], asked["settings"], asked["steps"])
-        run_scene(shot, asked["out"], *(asked["levels"] or (0, None)), progress=lambda *_: timer)
+        watched = {"progress": lambda *_: timer}  # an argument of earlier commits
+        how = {"how": runner.Execution(**watched)} if hasattr(runner, "Execution") else watched
+        runner.run_scene(shot, asked["out"], *(asked["levels"] or (0, None)), **how)
     except TimeUp:
         outcome = "time"
     except pdvol.PdvolError as error:

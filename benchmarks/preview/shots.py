@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.common.process import REPOSITORY
 from pdvol import open_run
 from pdvol.geometry.level_mesh import lumped_masses
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import Run
 
@@ -30,7 +30,8 @@ def stored(out: Path, method: str = "progressive", first: int = 0, **settings: o
     words = "_".join(str(value) for value in settings.values())
     folder = out / f"ape_{method}_{first}_{FINEST}_{words}"
     shot = load_shot(APE, settings, steps)
-    run_scene(shot, folder, first, FINEST, method, resume=(folder / "run.json").exists(), xdmf=False)
+    there = (folder / "run.json").exists()
+    run_scene(shot, folder, first, FINEST, method, resume=there, how=Execution(xdmf=False))
     return open_run(folder)
 
 

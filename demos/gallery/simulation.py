@@ -10,7 +10,7 @@ from typing import Any
 from benchmarks.common.commits import MissingObject, Repository
 from demos.gallery.entries import DEMOS, Entry
 from pdvol.errors import SimulationError
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import load_module, load_shot
 from pdvol.store.files import read_json, write_json
 from pdvol.store.folder import holds_run
@@ -59,7 +59,7 @@ def settings_by(entry: Entry, method: str) -> dict[str, Any]:
 
 def simulate_small(entry: Entry, folder: Path) -> Run:
     """A run of an entry that takes seconds, for tests."""
-    run_scene(load_shot(entry.file, {**entry.settings, **entry.small}), folder, last=1, xdmf=False)
+    run_scene(load_shot(entry.file, {**entry.settings, **entry.small}), folder, last=1, how=Execution(xdmf=False))
     return open_run(folder)
 
 

@@ -3,6 +3,7 @@
 import sys
 import time
 from argparse import ArgumentParser, Namespace
+from functools import partial
 from pathlib import Path
 
 from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_ranks, chosen_shot, require_use
@@ -65,8 +66,8 @@ def _preview(options: Namespace) -> None:
         require_use(shot, "progressive")
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
     outputs = Outputs(options, out, shot.scene)
-    how = {"resume": options.resume, "replace": not options.resume, "ranks": chosen_ranks(options)}
-    outputs.simulate(run_scene, shot, out, 0, 0, **how)
+    level_0 = partial(run_scene, shot, out, 0, 0, resume=options.resume)
+    outputs.simulate(level_0, ranks=chosen_ranks(options), replace=not options.resume)
     outputs.report()
 
 

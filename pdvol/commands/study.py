@@ -50,13 +50,11 @@ def main(options: Namespace) -> None:
     if first != 0:
         raise InputError("--levels: a study begins with level 0; write 0:B")
     method = options.method or "progressive"
-    axes, alone = chosen_axes(options.vary, shot)
+    chosen = chosen_axes(options.vary, shot)
     reference = _reference(options.reference, method)
     last = shot.scene.levels - 1 if options.levels and last is None else last
-    made = Study(
-        shot, options.out, axes, alone, method, last if options.levels else None, reference, 60.0 * options.budget, jobs
-    )
-    _show(made)
+    finest = last if options.levels else None
+    _show(Study(shot, options.out, chosen, method, finest, reference, 60.0 * options.budget, jobs))
 
 
 def _show(made: "Study") -> None:

@@ -143,7 +143,7 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: in
 
 def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: int) -> None:
     from pdvol.studio.wedge.results import progress
-    from pdvol.studio.wedge.search import seek_best
+    from pdvol.studio.wedge.search import Until, seek_best
     from pdvol.studio.wedge.worker import Workers
 
     runs = whole_number("--runs", options.runs) if options.runs else SEEK_RUNS
@@ -152,4 +152,4 @@ def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: i
     deadline = time.monotonic() + 60.0 * (SEEK_BUDGET if options.budget is None else options.budget)
     seed, goal = whole_number("--seed", options.seed), float("inf") if options.goal is None else options.goal
     with closing(Workers(count)) as workers, progress(runs, options.seek) as report:
-        seek_best(wedge, options.seek, varies, workers, runs, deadline, seed, report, goal)
+        seek_best(wedge, options.seek, varies, workers, Until(runs, deadline, goal), seed, report)

@@ -1,6 +1,7 @@
 """The march of one level by any method: what `pdvol.march` gives to its caller, and `pdvol.run` to a folder."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -9,7 +10,7 @@ from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import Integrator, Past
 from pdvol.integrate.long_step import Show
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
-from pdvol.integrate.stepper import Stepper
+from pdvol.integrate.stepper import FromCoarser, Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.model import LevelModel
@@ -20,22 +21,39 @@ Coarse = Callable[[int], Past]
 """The past of the level below after so many steps, as its positions at the ends of steps show it."""
 
 
-def first_start(model: LevelModel, hierarchy: Hierarchy, method: str, coarse: Coarse) -> Start:
-    """A level begins where the scene says; an embedded level begins where the level below does, prolonged.
-    Collective.
+@dataclass(frozen=True, eq=False)
+class Lead:
+    """How a level follows the one below.
+
+    Attributes
+    ----------
+    hierarchy : Hierarchy
+    method : one of `pdvol.registry.METHODS`
+    coarse : is called for a state of the level below when a step needs it
     """
-    begin = model.start
-    if method == "embedded" and model.level > 0 and begin is not model.mesh.points:
-        begin = hierarchy.prolongation(model.level).prolong(coarse(0)[0].positions)
-    return Start.at_rest(begin, model.velocity)
+
+    hierarchy: Hierarchy
+    method: str
+    coarse: Coarse
+
+    def positions(self, step: int) -> np.ndarray:
+        """(n, d) [m] of the level below after so many steps."""
+        return self.coarse(step)[0].positions
+
+    def start(self, model: LevelModel) -> Start:
+        """A level begins where the scene says; an embedded level begins where the level below does, prolonged.
+        Collective.
+        """
+        begin = model.start
+        if self.method == "embedded" and model.level > 0 and begin is not model.mesh.points:
+            begin = self.hierarchy.prolongation(model.level).prolong(self.positions(0))
+        return Start.at_rest(begin, model.velocity)
 
 
 def level_march(
     model: LevelModel,
-    hierarchy: Hierarchy,
-    method: str,
+    lead: Lead,
     integrator: Integrator,
-    coarse: Coarse,
     start: Start,
     terms: Sequence[MakeTerm] = (),
     forces: bool = False,
@@ -45,30 +63,20 @@ def level_march(
 
     Parameters
     ----------
-    method : one of `pdvol.registry.METHODS`
-    coarse : is called for a state of the level below when a step needs it
     terms, forces, show : as `Stepper` takes them
     """
-    level, steps, dt = model.level, model.steps, model.dt
-    where = lambda step: coarse(step)[0].positions
+    level, steps, dt, hierarchy, method = model.level, model.steps, model.dt, lead.hierarchy, lead.method
     if method == "embedded" and level > 0:
         count = {"count": partial(_count_intersections, model)} if model.contact else {}
-        return embedded(hierarchy.prolongation(level), where, level, start, steps, dt, integrator, **count)
+        carrier = hierarchy.prolongation(level)
+        return embedded(carrier, lead.positions, level, start, steps, dt, integrator, **count)
     weight = model.penalty.of(method) if level > 0 else 0.0
-    guides = (guide(weight, dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
-    stepper = Stepper(
-        model,
-        hierarchy[level],
-        partial(hierarchy.coarse_weights, level),
-        guides,
-        integrator,
-        level_feedback(model, hierarchy, method, where),
-        terms,
-        forces,
-        show,
-    )
+    guides = (guide(weight, dt, hierarchy.prolongation(level), lead.positions),) if weight > 0.0 else ()
+    feedback = level_feedback(model, hierarchy, method, lead.positions)
+    coarser = FromCoarser(partial(hierarchy.coarse_weights, level), guides, feedback)
+    stepper = Stepper(model, hierarchy[level], coarser, integrator, terms, forces, show)
     if method == "progressive" and level > 0:
-        return progressive(stepper, hierarchy.prolongation(level), coarse, start, steps)
+        return progressive(stepper, hierarchy.prolongation(level), lead.coarse, start, steps)
     return direct(stepper, start, steps)
 
 

@@ -61,6 +61,25 @@ class Span:
         return cls(start, start.owned + (t1 - t0) * velocity, (t1 - t0) ** 2, t0, t1)
 
 
+@dataclass(frozen=True)
+class FromCoarser:
+    """What a level's steps take from coarser levels.
+
+    Attributes
+    ----------
+    weights : called when a linear solver needs a coarse space, gives weights (n, m) over fewer vertices or None
+    guides : that hold the level to the coarser one
+    feedback : of the drift from the coarser level
+    """
+
+    weights: Callable[[], csr_array | None] = lambda: None
+    guides: Sequence[Guide] = ()
+    feedback: Sequence[Feedback] = ()
+
+
+ALONE = FromCoarser()
+
+
 class Stepper:
     """Takes the time steps of one level. Construction is collective.
 
@@ -68,10 +87,8 @@ class Stepper:
     ----------
     model : LevelModel
     space : LevelSpace
-    coarse_weights : called when a linear solver needs a coarse space, gives weights (n, m) over fewer vertices or None
-    guides : guides that hold the level to the coarser one, if any
+    coarser : FromCoarser
     integrator : Integrator; the model's where not given
-    feedback : of the drift from the coarser level, if any
     terms : make further terms of the energy
     forces : whether reports have the terms' forces
     show : what `LongStep` calls while a step lasts
@@ -87,10 +104,8 @@ class Stepper:
         self,
         model: LevelModel,
         space: LevelSpace,
-        coarse_weights: Callable[[], csr_array | None] = lambda: None,
-        guides: Sequence[Guide] = (),
+        coarser: FromCoarser = ALONE,
         integrator: Integrator | None = None,
-        feedback: Sequence[Feedback] = (),
         terms: Sequence[MakeTerm] = (),
         forces: bool = False,
         show: Show | None = None,
@@ -98,11 +113,12 @@ class Stepper:
         self.model, self.space, self.integrator = model, space, integrator or INTEGRATORS[model.integrator]()
         self.watch = Stopwatch()
         script = Script(model.supports, model.obstacles, model.ground)
-        self.potential = IncrementalPotential(space, build_terms(model, space, guides, script, terms), self.watch)
+        built = build_terms(model, space, coarser.guides, script, terms)
+        self.potential = IncrementalPotential(space, built, self.watch)
         self.motion, self._script = ScriptedMotion(space, script, model.start, model.dt), script
         states = self.integrator.states
         self._lags = deque[Mapping[Mover, float]]([{}] * states, maxlen=states)  # at steps' starts, newest first
-        self._coarse_weights, self._feedback = coarse_weights, feedback
+        self._coarse_weights, self._feedback = coarser.weights, coarser.feedback
         self._long = None if show is None else LongStep(self.potential, show)
         self.newton = self._new_newton()
         self._struck, self._reports_forces = 0, forces

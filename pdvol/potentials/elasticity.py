@@ -3,6 +3,7 @@ and one that keeps the cells of smoothed elements from inverting. Cells do not i
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import reduce
 from itertools import combinations_with_replacement
 from typing import Any
@@ -15,7 +16,7 @@ from pdvol.forms.elasticity import GUARDED, volume_barrier
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, Values
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.assembly.native import library, pointer
@@ -33,31 +34,15 @@ class Elastic(CellEnergy):
 
     Parameters
     ----------
-    space, psi, parameters, domains, material, ceiling : as `CellEnergy` takes them; parameters are those at t = 0
+    space, law, parameters, domains : as `CellEnergy` takes them; parameters are those at t = 0
     shares : what gives Young's modulus of the mesh's cells (m,) at a time [s] over that at t = 0, where it changes: it
         is that of the end of each step
     """
 
     def __init__(
-        self,
-        space: LevelSpace,
-        psi: Callable,
-        parameters: Mapping[str, np.ndarray],
-        domains: Domains,
-        material: str = "",
-        shares: Shares | None = None,
-        ceiling: float = 0.0,
+        self, space: LevelSpace, law: Density, parameters: Values, domains: Domains, shares: Shares | None = None
     ):
-        super().__init__(
-            space,
-            psi,
-            parameters,
-            domains,
-            isotropic=False if ceiling else None,
-            material=material,
-            ceiling=ceiling,
-            oriented=True,
-        )
+        super().__init__(space, replace(law, oriented=True), parameters, domains)
         self._shares = shares
         if not psi.__module__.startswith("pdvol."):  # a law of the user's
             self._require_stable(material)
@@ -112,7 +97,8 @@ class CellGuard(Elastic):
             return volume_barrier(F, 2 * mu + lmbda)
 
         cells = Domains(space, materials.smoothing >= 0)
-        super().__init__(space, psi, _lame(materials), cells, "volume barrier", shares, ceiling=GUARDED)
+        guard = Density(psi, isotropic=False, ceiling=GUARDED, material="volume barrier")
+        super().__init__(space, guard, _lame(materials), cells, shares)
         self.scale = 0.0  # nothing cancels in what is zero
 
     def gradient(self, x: Positions) -> np.ndarray:
@@ -149,7 +135,7 @@ class Damping(CellEnergy):
 
         ones, still = np.ones(len(space.mesh.cells)), np.broadcast_to(np.eye(d), (len(space.mesh.cells), d, d))
         start = {"growth": 0.0 * ones, **_entries("c", still), **_entries("m", still)}
-        super().__init__(space, psi, {**self._viscosity, **start}, domains, "damping", model=model)
+        super().__init__(space, Density(psi, model), {**self._viscosity, **start}, domains, "damping")
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
@@ -218,7 +204,7 @@ def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEner
     terms: list[CellEnergy] = []
     for number, (law, values) in enumerate(zip(materials.laws, materials.values, strict=True)):
         domains = Domains(space, materials.law == number, materials.smoothing)
-        terms.append(Elastic(space, law.psi, values, domains, law.__name__, shares))
+        terms.append(Elastic(space, Density(law.psi, material=law.__name__), values, domains, shares))
     if (materials.smoothing >= 0).any():
         terms.append(CellGuard(space, materials, shares))
     if materials.damping.any():

@@ -9,7 +9,7 @@ import ufl
 from pdvol.forms.muscles import active_fibres
 from pdvol.levels.muscles import CellMuscle
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.cell_energy import CellEnergy, Density
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.potential import Positions
 
@@ -35,7 +35,8 @@ class ActiveFibres(CellEnergy):
             return active_fibres(F, ufl.as_matrix([[entry(i, j) for j in range(d)] for i in range(d)]))
 
         domains = Domains(space, np.isin(np.arange(m), muscle.cells), smoothing)
-        super().__init__(space, psi, self._tensions(np.zeros(len(muscle.cells))), domains, "muscle", isotropic=False)
+        law, none = Density(psi, isotropic=False), self._tensions(np.zeros(len(muscle.cells)))
+        super().__init__(space, law, none, domains, "muscle")
         counted = float(domains.volumes[: domains.counted].sum())
         self.scale = muscle.muscle.strength * space.reduce(counted)
 

@@ -19,7 +19,7 @@ from pdvol.runs.level_run import Watch
 from pdvol.runs.march import checked_scene, levels_asked
 from pdvol.runs.notebook_text import progress_stream
 from pdvol.runs.progress import Calls, Progress
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import Shot
 from pdvol.runs.stage_lines import StageLines
 from pdvol.scene import Scene
@@ -83,7 +83,8 @@ def run(
         stream = progress_stream() if progress is True and comm.rank == 0 else None
         watch = _watch(progress, comm, stream)
         with nullcontext() if stream is None else reported_to(StageLines(stream)):
-            run_scene(Shot(None, {}, scene), folder, first, last, method, prolongation, resume, comm, watch)
+            how = Execution(watch, comm=comm)
+            run_scene(Shot(None, {}, scene), folder, first, last, method, prolongation, resume, how)
     except BaseException as error:
         if out is None:
             _keep_or_remove(folder, error)
@@ -103,7 +104,7 @@ def _check(out: Any, progress: Any) -> None:
 
 
 def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm, stream: TextIO | None = None) -> Watch | None:
-    """What `run_scene` takes for this `progress`, which is shown on the stream if it is True."""
+    """What `Execution` takes for this `progress`, which is shown on the stream if it is True."""
     if progress is None or progress is False:
         return None
     if progress is True:

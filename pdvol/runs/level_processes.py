@@ -129,7 +129,7 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
     ----------
     writer : the run's writer, as `run_level` takes it
     levels : the number of ranks of each level
-    progress : as `run_scene` takes it
+    progress : as `Execution` has it
 
     Raises
     ------

@@ -9,7 +9,7 @@ import numpy as np
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.integrate.integrator import Integrator, Past, past_of
-from pdvol.integrate.level_march import Coarse, first_start, level_march
+from pdvol.integrate.level_march import Coarse, Lead, level_march
 from pdvol.integrate.marches import Start
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
@@ -52,10 +52,10 @@ def run_level(
         return
     with stage(f"preparing level {level}"):
         integrator = INTEGRATORS[model.integrator]()
-        start = _start(model, hierarchy, method, integrator, writer, done)
+        lead = Lead(hierarchy, method, _coarse(model, integrator, writer))
+        start = _start(model, lead, integrator, writer, done)
         writer.call("set_level_state", level, "running")
-        coarse = _coarse(model, integrator, writer)
-        march = level_march(model, hierarchy, method, integrator, coarse, start, show=lasts)
+        march = level_march(model, lead, integrator, start, show=lasts)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:
@@ -77,13 +77,11 @@ def run_level(
             watcher.close()
 
 
-def _start(
-    model: LevelModel, hierarchy: Hierarchy, method: str, integrator: Integrator, writer: LevelWriter, done: int
-) -> Start:
+def _start(model: LevelModel, lead: Lead, integrator: Integrator, writer: LevelWriter, done: int) -> Start:
     """Where a level goes on that has `done` stored states; where it has none, the first one is stored."""
     level, step = model.level, done - 1
     if done == 0:
-        start = first_start(model, hierarchy, method, _coarse(model, integrator, writer))
+        start = lead.start(model)
         writer.call("write_state", level, 0, start.past[0].positions)
         return start
     positions = partial(writer.read, level, "positions")
@@ -96,15 +94,8 @@ def _start(
 
 def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> Coarse:
     """The pasts of the stored level below; the last three are kept, which a step asks for."""
-    level = model.level - 1
-
-    @lru_cache(maxsize=8)  # one past looks at the states of six steps
-    def positions(step: int) -> np.ndarray:
-        return writer.read(level, "positions", step)
-
-    @lru_cache(maxsize=8)
-    def record(step: int) -> dict:
-        return writer.record(level, step)
+    level, kept = model.level - 1, lru_cache(maxsize=8)  # one past looks at the states of six steps
+    positions, record = kept(partial(writer.read, level, "positions")), kept(partial(writer.record, level))
 
     @lru_cache(maxsize=3)
     def past(step: int) -> Past:

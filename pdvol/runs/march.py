@@ -10,7 +10,7 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from pdvol.errors import InputError
 from pdvol.integrate.integrator import Integrator, Past, advance
-from pdvol.integrate.level_march import first_start, level_march
+from pdvol.integrate.level_march import Lead, level_march
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -180,13 +180,14 @@ class March(Iterator[Step]):
         for level in self._levels:
             if self._refused is not None and level >= self._refused.level:
                 raise self._refused
-            model, space, coarse = self.model(level), self.hierarchy[level], below.__getitem__
+            model, space = self.model(level), self.hierarchy[level]
+            lead = Lead(self.hierarchy, self._method, below.__getitem__)
             integrator = INTEGRATORS[model.integrator]() if self._integrator is None else self._integrator
-            start = first_start(model, self.hierarchy, self._method, coarse)
+            start = lead.start(model)
             if self._integrator is not None:
                 _try_integrator(integrator, start.past, model.dt)
             terms = [_tried(make, start.past[0].positions) for make in self._terms]
-            march = level_march(model, self.hierarchy, self._method, integrator, coarse, start, terms, forces=True)
+            march = level_march(model, lead, integrator, start, terms, forces=True)
             pasts, anew = [start.past], model.begins_anew
             for report in march:
                 for array in (report.positions, report.velocity, *report.forces.values()):

@@ -4,6 +4,7 @@ import platform
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import initial_velocity, way_up
-from pdvol.levels.script import Obstacle
 from pdvol.levels.start import start_positions
 from pdvol.meshing.cache import installed
 from pdvol.parallel import on_root
@@ -40,11 +40,38 @@ from pdvol.store.folder import holds_run, in_use, read_info, require_free, requi
 from pdvol.store.reader import Run, open_run
 from pdvol.store.writer import RunWriter
 
-LIBRARIES = (
-    *("pdvol", "fenics-dolfinx", "dolfinx-solver-real", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh"),
-    "fast-simplification",
-)
+LIBRARIES: tuple[str, ...] = ("pdvol", "fenics-dolfinx", "dolfinx-solver-real", "petsc4py", "ipctk", "numpy", "scipy")
+LIBRARIES += ("pytetwild", "gmsh", "fast-simplification")
 LISTED_CHANGES = 6  # changes of a scene: a message lists no more
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How levels are marched, and what is left of them.
+
+    Attributes
+    ----------
+    progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
+    wavefront : run the levels side by side, each in processes of its own; `comm` then has one rank. Where that pays and
+        cores are idle when None
+    ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
+        cores for when None; `comm` then has one rank
+    xdmf : write level_N.xdmf at the end; without it `pdvol export` makes it later
+    replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
+    done : called on rank 0 before level_N.xdmf is written, where all levels are done
+    comm : of the ranks that take part
+    """
+
+    progress: Watch | None = None
+    wavefront: bool | None = False
+    ranks: int | None = 1
+    xdmf: bool = True
+    replace: bool = False
+    done: Callable[[], object] = lambda: None
+    comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_WORLD)
+
+
+USUAL = Execution()
 
 
 # Sparse fronts and small blocks: threads of the BLAS cost more than they give, and ranks would fight over the cores.
@@ -57,13 +84,7 @@ def run_scene(
     method: str = "progressive",
     prolongation: str = "barycentric",
     resume: bool = False,
-    comm: MPI.Comm = MPI.COMM_WORLD,
-    progress: Watch | None = None,
-    wavefront: bool | None = False,
-    xdmf: bool = True,
-    replace: bool = False,
-    ranks: int | None = 1,
-    done: Callable[[], object] = lambda: None,
+    how: Execution = USUAL,
 ) -> Path:
     """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
 
@@ -76,14 +97,6 @@ def run_scene(
     first, last : levels, both included; the finest when `last` is None
     method : one of `pdvol.registry.METHODS`
     prolongation : a name in `pdvol.registry.INTERPOLANTS`
-    progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
-    wavefront : run the levels side by side, each in processes of its own; `comm` then has one rank. Where that pays and
-        cores are idle when None
-    xdmf : write level_N.xdmf at the end; without it `pdvol export` makes it later
-    replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
-    ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
-        cores for when None; `comm` then has one rank
-    done : called on rank 0 before level_N.xdmf is written, where all levels are done
 
     Returns
     -------
@@ -98,25 +111,23 @@ def run_scene(
     ConvergenceError
         A step could not be solved; everything up to the last good step is kept.
     """
-    scene, out = shot.scene, Path(out)
+    scene, out, comm, wavefront, ranks = shot.scene, Path(out), how.comm, how.wavefront, how.ranks
     last = scene.levels - 1 if last is None else last
     check_choices(scene, first, last, method, prolongation)
-    on_root(comm, lambda: _check_folder(out, first, last, method, resume or first > 0, replace))
+    on_root(comm, lambda: _check_folder(out, first, last, method, resume or first > 0, how.replace))
     if wavefront and shot.file is None:
         raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
     if wavefront and comm.size > 1:
-        raise InputError(
-            "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
-        )
+        raise InputError("--wavefront starts a process per level; leave out mpirun, or run levels one after the other")
     require_ranks(ranks, comm)
     build_beside(*(["pdvol.potentials.contact.native"] if scene.contact else []))
-    levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
+    levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, how.replace))
     marched = range(first, last + 1 if levels.refused is None else levels.refused.level)
     if levels.refused is not None and not marched:
         raise levels.refused
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
-    writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace))
-    with exported(comm, out, scene, obstacles, done) if xdmf else nullcontext():
+    writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, how.replace))
+    with exported(comm, out, scene, obstacles, how.done) if how.xdmf else nullcontext():
         try:
             alone = comm.size > 1 or shot.file is None
             if wavefront is None and not alone:
@@ -124,7 +135,7 @@ def run_scene(
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
             ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
             if wavefront:
-                if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, progress):
+                if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, how.progress):
                     marched = range(0)
                 else:
                     ranks = 1
@@ -132,7 +143,7 @@ def run_scene(
             for level in marched:
                 count = 1 if alone else ranks_of(level)
                 if count > 1:
-                    if _in_processes(writer, {level: count}, ranks, progress):
+                    if _in_processes(writer, {level: count}, ranks, how.progress):
                         continue
                     ranks = 1
                 if hierarchy is None:
@@ -140,7 +151,7 @@ def run_scene(
                         hierarchy = Hierarchy(levels.meshes, comm, prolongation)
                 with stage(f"evaluating the scene on level {level}"):
                     model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
-                run_level(model, hierarchy, method, writer, progress)
+                run_level(model, hierarchy, method, writer, how.progress)
         finally:
             writer.close()
     if levels.refused is not None:
@@ -148,29 +159,16 @@ def run_scene(
     return out
 
 
-def refine_run(
-    out: str | Path,
-    last: int,
-    comm: MPI.Comm = MPI.COMM_WORLD,
-    progress: Watch | None = None,
-    wavefront: bool | None = False,
-    xdmf: bool = True,
-    ranks: int | None = 1,
-    done: Callable[[], object] = lambda: None,
-) -> Path:
-    """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched.
-    Collective.
-
-    Parameters as for `run_scene`.
-    """
-    info = on_root(comm, lambda: _scene_info(out))
+def refine_run(out: str | Path, last: int, how: Execution = USUAL) -> Path:
+    """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser ones are kept. Collective."""
+    info = on_root(how.comm, lambda: _scene_info(out))
     try:
         file = stored_file(info)
     except InputError as error:
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
-    shot, how = stored_shot(info, is_own_run(Path(out), file)), (info["method"], info["prolongation"])
-    return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks, done=done)
+    shot = stored_shot(info, is_own_run(Path(out), file))
+    return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, how)
 
 
 def _in_processes(writer: SharedWriter, counts: dict[int, int], wanted: int | None, progress: Watch | None) -> bool:
@@ -287,21 +285,14 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
 
 
 def _open_writer(
-    shot: Shot,
-    out: Path,
-    levels: Prepared,
-    obstacles: Sequence[Obstacle],
-    method: str,
-    prolongation: str,
-    replace: bool,
+    shot: Shot, out: Path, levels: Prepared, obstacles: Sequence, method: str, prolongation: str, replace: bool
 ) -> RunWriter:
     scene, meshes, kept, mended = shot.scene, levels.meshes, levels.kept, levels.mended
     if shot.file is not None:
         note_run(out, shot.file)
-    velocities, drawn = (
-        [initial_velocity(scene, mesh, start_positions(scene, mesh, level)) for level, mesh in enumerate(meshes)],
-        stored_obstacles(obstacles, scene.dt, scene.steps),
-    )
+    starts = [start_positions(scene, mesh, level) for level, mesh in enumerate(meshes)]
+    velocities = [initial_velocity(scene, mesh, start) for mesh, start in zip(meshes, starts, strict=True)]
+    drawn = stored_obstacles(obstacles, scene.dt, scene.steps)
     apart = bool(mended or (kept and open_run(out).info.get("mended")))
     rendered = bound_render_meshes(scene, meshes, apart)
     if kept:
@@ -319,21 +310,11 @@ def _open_writer(
             changed["solvers"] = solvers
         writer.update_info(steps=scene.steps, description=description, **changed)
     else:
-        up = way_up(scene, meshes[0].dim)
-        info = {
-            "scene": shot.name,
-            "dt": scene.dt,
-            "steps": scene.steps,
-            "method": method,
-            "prolongation": prolongation,
-            "scene_file": _file(shot),
-            "parameters": kept_value(shot.parameters),
-            "description": shot.description(),
-            "diagonal": levels.diagonal,
-            "versions": {"python": platform.python_version(), **installed(LIBRARIES)},
-            **({"up": up} if up else {}),
-            **({"mended": mended} if mended else {}),
-        }
+        info = {"scene": shot.name, "dt": scene.dt, "steps": scene.steps, "method": method}
+        info |= {"prolongation": prolongation, "scene_file": _file(shot), "parameters": kept_value(shot.parameters)}
+        info |= {"description": shot.description(), "diagonal": levels.diagonal}
+        info |= {"versions": {"python": platform.python_version(), **installed(LIBRARIES)}}
+        info |= {key: value for key, value in (("up", way_up(scene, meshes[0].dim)), ("mended", mended)) if value}
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities, replace)
         writer.update_info(solvers=[_solver(scene, writer)])
     writer.write_obstacles(drawn)

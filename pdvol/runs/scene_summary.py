@@ -12,6 +12,7 @@ from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
     Attachment,
     Barrier,
+    Body,
     Deforming,
     Flow,
     Friction,
@@ -52,25 +53,7 @@ def modelled_terms(scene: Scene) -> list[str]:
     InputError
         A file of a shape is missing or cannot be read.
     """
-    lines = []
-    for body in scene.bodies:
-        kind = scene.elements_of(body)
-        elements = "" if kind == ELEMENTS[0] else f", {kind} elements"
-        lines.append(f"body {body.name!r}: {_material(body.material)}{elements}")
-        for region in body.regions:
-            where = (
-                f"label {', '.join(map(str, region.labels))}"
-                if region.labels
-                else f"where {getattr(region.where, '__name__', 'chosen')}"
-            )
-            lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
-        if body.start is not None:
-            given = getattr(body.start, "__name__", type(body.start).__name__)
-            leads = "a posed mesh" if isinstance(body.start, Posed) else given
-            lines.append(f"body {body.name!r}: starts away from rest, where {leads} leads it")
-        for mesh in body.render_meshes:
-            what = Path(mesh.shape).name if isinstance(mesh.shape, (str, Path)) else repr(mesh.shape)
-            lines.append(f"body {body.name!r}: drawn as {what}, carried by {mesh.interpolant} weights")
+    lines = [line for body in scene.bodies for line in _body(scene, body)]
     lines += [f"load: {_load(load)}" for load in scene.loads]
     lines += [_muscle(muscle) for muscle in scene.muscles]
     lines += [_attachment(attachment) for attachment in scene.attachments]
@@ -79,33 +62,12 @@ def modelled_terms(scene: Scene) -> list[str]:
         lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
     for o in scene.obstacles:
         moving = "" if isinstance(o.motion, Still) else f", moving ({_named(o.motion)})"
-        kind = (
-            "half-space" if isinstance(o, Plane) else f"{'deforming' if isinstance(o, Deforming) else 'rigid'} surface"
-        )
-        lines.append(f"obstacle {o.name!r}: {kind}{moving}")
+        surface = f"{'deforming' if isinstance(o, Deforming) else 'rigid'} surface"
+        lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else surface}{moving}")
     if _is_plane(scene):
         lines.append("dimension: 2, plane strain (per metre of depth)")
     diagonal = scene_diagonal(scene)
-    for c in scene.contact:
-        if isinstance(c, Barrier):
-            known = _youngs(scene)
-            all_known = len(known) == sum(1 + len(b.regions) for b in scene.bodies)
-            kappa = (
-                f"{c.kappa(min(known, default=0.0)):.3g} Pa"
-                if all_known or isinstance(c.stiffness, Pascal)
-                else f"{c.stiffness:g} of the softest cell's Young's modulus"
-            )
-            lines.append(f"contact: area-weighted barrier, stiffness {kappa}, dhat {metres(c.dhat, diagonal):.3g} m")
-        elif isinstance(c, Friction):
-            lines.append(
-                f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations}"
-                " time(s) a step"
-            )
-            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.triples]
-    if not scene.contact:
-        lines.append("contact: none")
-    if not any(isinstance(c, Friction) for c in scene.contact):
-        lines.append("friction: none")
+    lines += _contact(scene, diagonal)
     lines += [f"where bodies meet at t = 0: {remedy.by} by up to {remedy.limit:g}" for remedy in scene.separate]
     if scene.integrator != next(iter(INTEGRATORS)):
         lines.append(f"integrator: {scene.integrator}")
@@ -115,6 +77,45 @@ def modelled_terms(scene: Scene) -> list[str]:
         f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g}"
         f" m/s; diagonal of the smallest free body {diagonal:.4g} m"
     )
+    return lines
+
+
+def _body(scene: Scene, body: Body) -> list[str]:
+    kind = scene.elements_of(body)
+    elements = "" if kind == ELEMENTS[0] else f", {kind} elements"
+    lines = [f"body {body.name!r}: {_material(body.material)}{elements}"]
+    for region in body.regions:
+        labels, function = ", ".join(map(str, region.labels)), getattr(region.where, "__name__", "chosen")
+        where = f"label {labels}" if region.labels else f"where {function}"
+        lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
+    if body.start is not None:
+        given = getattr(body.start, "__name__", type(body.start).__name__)
+        leads = "a posed mesh" if isinstance(body.start, Posed) else given
+        lines.append(f"body {body.name!r}: starts away from rest, where {leads} leads it")
+    for mesh in body.render_meshes:
+        what = Path(mesh.shape).name if isinstance(mesh.shape, (str, Path)) else repr(mesh.shape)
+        lines.append(f"body {body.name!r}: drawn as {what}, carried by {mesh.interpolant} weights")
+    return lines
+
+
+def _contact(scene: Scene, diagonal: float) -> list[str]:
+    lines = []
+    for c in scene.contact:
+        if isinstance(c, Barrier):
+            known = _youngs(scene)
+            all_known = len(known) == sum(1 + len(b.regions) for b in scene.bodies)
+            kappa = f"{c.stiffness:g} of the softest cell's Young's modulus"
+            if all_known or isinstance(c.stiffness, Pascal):
+                kappa = f"{c.kappa(min(known, default=0.0)):.3g} Pa"
+            lines.append(f"contact: area-weighted barrier, stiffness {kappa}, dhat {metres(c.dhat, diagonal):.3g} m")
+        elif isinstance(c, Friction):
+            smooth = f"smooth below {metres(c.eps_v, diagonal):.3g} m/s"
+            lines.append(f"friction: mu {c.mu:g}, {smooth}, lagged {c.iterations} time(s) a step")
+            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.triples]
+    if not scene.contact:
+        lines.append("contact: none")
+    if not any(isinstance(c, Friction) for c in scene.contact):
+        lines.append("friction: none")
     return lines
 
 

@@ -21,7 +21,7 @@ from killing import HELPERS, PressesCtrlC
 from on_ranks import results_on
 from pdvol import open_run
 from pdvol.runs import mending, mesh_hierarchy, preflight, runner
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.studio.draw import picture
 
@@ -156,7 +156,7 @@ def test_killed_while_the_folder_is_made(tmp_path):
 def test_an_interrupted_run_says_so(tmp_path):
     scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        run_scene(load_shot(scene), out, progress=PressesCtrlC(2))
+        run_scene(load_shot(scene), out, how=Execution(progress=PressesCtrlC(2)))
     run = open_run(out)
     assert run.info["state"] == run.levels[0].info["state"] == "interrupted" and run.levels[0].steps == 3
     assert pdvol("run", scene, "--out", out, "--resume") == 0 and open_run(out).info["state"] == "done"

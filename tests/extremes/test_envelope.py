@@ -10,7 +10,7 @@ import pdvol
 from benchmarks.extremes import __main__ as extremes
 from benchmarks.extremes import scenes
 from pdvol.measure.verify import verify_run
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,7 +57,7 @@ def march(tmp_path, name, steps=None):
     out = tmp_path / "run"
     error = None
     try:
-        run_scene(load_shot(FILE, {"name": name}, steps), out, xdmf=False)
+        run_scene(load_shot(FILE, {"name": name}, steps), out, how=Execution(xdmf=False))
     except (pdvol.ConvergenceError, pdvol.InputError) as named:
         error = named
     if (out / "run.json").is_file():

@@ -6,14 +6,15 @@ import pytest
 import pdvol
 from benchmarks.extremes import figures, scenes
 from pdvol.levels.level_check import spin_kept
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import open_run
 
 
 def stored(tmp_path, name, steps=None, **settings):
     """The stored run of a row."""
-    run_scene(load_shot(scenes.__file__, {"name": name, **settings}, steps), tmp_path / "run", xdmf=False)
+    shot = load_shot(scenes.__file__, {"name": name, **settings}, steps)
+    run_scene(shot, tmp_path / "run", how=Execution(xdmf=False))
     return open_run(tmp_path / "run")
 
 

@@ -17,7 +17,7 @@ from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.measure.verify import verify_run
 from pdvol.meshing.build import build_levels
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import Shot, load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,7 +53,7 @@ QUICK_PAIRS = ("spike_spike", "wedge_crack", "cube_cliff")
 )
 def test_erlebens_pairs_come_to_touch(tmp_path, name):
     out, deep = tmp_path / "run", name.endswith(("crack", "hole"))  # 0.65 m down
-    run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out, xdmf=False)
+    run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out, how=Execution(xdmf=False))
     assert verify_run(out) == []
     assert max(json.loads(line)["contacts"] for line in (out / "log.jsonl").read_text().splitlines()) > 0
 
@@ -63,7 +63,7 @@ def test_an_arch_stands(tmp_path):
     speed; without friction the speed is 7 mm/s by then.
     """
     out, scene = tmp_path / "run", first_order(scenes.masonry_arch(7))
-    run_scene(Shot(None, {}, replace(scene, steps=5)), out, xdmf=False)
+    run_scene(Shot(None, {}, replace(scene, steps=5)), out, how=Execution(xdmf=False))
     assert verify_run(out) == []
     (level,) = pdvol.open_run(out).levels
     assert np.abs(level.positions(5) - level.rest).max() < 1e-3

@@ -12,7 +12,7 @@ from pdvol.geometry.rigid_motions import mass_centres
 from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import past_of
 from pdvol.integrate.marches import Start, progressive
-from pdvol.integrate.stepper import Stepper
+from pdvol.integrate.stepper import FromCoarser, Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -48,7 +48,7 @@ class Pair:
         self.model = level_model(scene, self.fine, 1, 1.0, placed_obstacles(scene.obstacles))
         self.path = lambda step: path(step, self.coarse.points)
         (self.feedback,) = level_feedback(self.model, self.levels, "progressive", self.path)
-        self.stepper = Stepper(self.model, self.levels[1], integrator=integrator, feedback=(self.feedback,))
+        self.stepper = Stepper(self.model, self.levels[1], FromCoarser(feedback=(self.feedback,)), integrator)
         self.masses = self.levels[1].to_input(self.stepper.potential.mass)[:, 0]
 
     def march(self, start, steps):

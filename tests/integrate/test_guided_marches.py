@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from pdvol.integrate.integrator import ImplicitEuler, State, advance, past_of
 from pdvol.integrate.marches import SAME_TIME, Start, direct, embedded, guide, mean_of_forces, progressive
-from pdvol.integrate.stepper import Stepper
+from pdvol.integrate.stepper import FromCoarser, Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
 from pdvol.registry import INTEGRATORS
@@ -39,7 +39,7 @@ def places(reports, rest):
 def guided(levels, scene, path, integrator, **more):
     guides = (guide(W, DT, levels.prolongation(1), path.__getitem__),)
     model = level_model(scene, levels[1].mesh, 1, 1.0)
-    return Stepper(model, levels[1], guides=guides, integrator=integrator, **more)
+    return Stepper(model, levels[1], FromCoarser(guides=guides), integrator, **more)
 
 
 def pulled(integrator, past, by, t):

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from pdvol.forms.elasticity import neo_hookean
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.cell_energy import CellEnergy, Density
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.scene import NeoHookean
 from problems import elastic
@@ -99,7 +99,7 @@ def make_law(space, anisotropic):
         return elastic(space, NeoHookean(YOUNG, POISSON, DENSITY))[0], neo_hookean_hessian
     material, ones = NeoHookean(YOUNG, POISSON), np.ones(len(space.mesh.cells))
     parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones, "stiffness": 5.0 * ones}
-    return CellEnergy(space, fibre_psi, parameters, Domains(space, ones > 0.0)), fibre_hessian
+    return CellEnergy(space, Density(fibre_psi), parameters, Domains(space, ones > 0.0)), fibre_hessian
 
 
 # Compressed and sheared; the last is uniformly compressed: equal stretches, where the frames of F are not unique.
@@ -137,6 +137,6 @@ def test_fibres_that_act_in_large_stretches_alone_are_seen(spaces):
         return neo_hookean(F, mu, lmbda) + 50.0 * ufl.max_value(along - 1.6**2, 0.0) ** 2
 
     parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones}
-    term = CellEnergy(space, psi, parameters, Domains(space, ones > 0.0))
+    term = CellEnergy(space, Density(psi), parameters, Domains(space, ones > 0.0))
     assert not term.uses_stretches
     check_term(term, space, 1.8 * space.from_input(space.mesh.points), 1e-2)

@@ -13,7 +13,7 @@ from pdvol.errors import InputError
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
-from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.cell_energy import CellEnergy, Density
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.elasticity import Damping
 from pdvol.potentials.potential import Positions
@@ -255,7 +255,7 @@ def test_a_density_without_forces_or_stiffness_is_refused(psi):
     space = LevelSpace(box(3, 1), MPI.COMM_SELF)
     mu = np.ones(len(space.mesh.cells))
     with pytest.raises(InputError, match=r"^an energy density, or a derivative of it by F, is zero; let psi [^\n]*$"):
-        CellEnergy(space, psi, {"mu": mu}, Domains(space, mu > 0.0))
+        CellEnergy(space, Density(psi), {"mu": mu}, Domains(space, mu > 0.0))
 
 
 def test_mistakes_in_a_law_are_reported():

@@ -26,7 +26,7 @@ from pdvol.measure.verify import verify_run
 from pdvol.registry import METHODS
 from pdvol.runs.branch import branch_run
 from pdvol.runs.preflight import check_scene
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import rotation_matrix
 from pdvol.solve.iteration import BALANCED
@@ -44,10 +44,10 @@ SMOOTH = 30  # Newton iterations of a step on its way to one minimum, at most
 # ---- runs
 
 
-def run(scene: Scene, out: Path, how: dict, **more) -> str:
+def run(scene: Scene, out: Path, how: dict, resume: bool = False, progress=None) -> str:
     """Runs a scene into a folder, and returns the error with which that ended; nothing where it came to its end."""
     try:
-        run_scene(Shot(None, {}, scene), out, xdmf=False, **how, **more)
+        run_scene(Shot(None, {}, scene), out, **how, resume=resume, how=Execution(progress=progress, xdmf=False))
     except (pdvol.ConvergenceError, pdvol.InputError) as error:
         assert str(error) and "\n" not in str(error)
         return str(error)

@@ -12,6 +12,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import pdvol
 from commands import SAFETY
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,6 +47,7 @@ WING = {name for name in MAY_IMPORT if name.startswith("studio")}
 MAY_IMPORT["commands"] = {*MAY_IMPORT}
 ABOVE = {*WING, "commands"}
 """What stands on the core: no stage knows of it."""
+MOST_ARGUMENTS = 8
 SOURCES = [
     *sorted((ROOT / "pdvol").rglob("*.py")),
     *sorted((ROOT / "forms").rglob("*.py")),
@@ -173,6 +175,18 @@ def test_no_two_files_import_each_other():
             reached |= ahead
             ahead = set().union(*(needs[other] for other in ahead)) - reached
         assert name not in reached, f"{name} imports itself, by way of others"
+
+
+def test_functions_have_few_arguments():
+    """Those that travel together are one object. What `pdvol` itself offers has its options as words."""
+    offered, many = set(pdvol.__all__), []
+    for path in SOURCES:
+        for function in (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.FunctionDef)):
+            names = [each.arg for each in (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)]
+            count = len([name for name in names if name not in ("self", "cls")])
+            if count > MOST_ARGUMENTS and function.name not in offered:
+                many.append(f"{place(path)}: {function.name} has {count}")
+    assert not many, many
 
 
 def test_one_file_of_snes_and_one_of_what_differs_between_dolfinx_versions():

@@ -10,6 +10,7 @@ instead, which is positive semi-definite by itself.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,31 @@ from pdvol.potentials.potential import Positions, Term
 
 # relative change of psi under rotations that counts as round-off: larger ones make a density anisotropic
 ISOTROPY_TOLERANCE = 1e-12
+Values = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Density:
+    """An energy density.
+
+    Attributes
+    ----------
+    psi : callable (F, **parameters) -> UFL energy density [Pa]
+    model : callable (F, v, w, **parameters) -> UFL bilinear form [Pa] in the changes v and w of F, positive
+        semi-definite; it takes the place of psi's second derivative where negative eigenvalues are cut off
+    isotropic : whether psi(Q F R) = psi(F) for all rotations; found by evaluation where not given
+    ceiling : det F from which on psi is zero and not evaluated; zero leaves that out. For densities that are not
+        declared isotropic
+    oriented : whether the energy is infinite unless det F > 0 in all domains; then psi must depend on F
+    material : whose density it is, for error messages
+    """
+
+    psi: Callable
+    model: Callable | None = None
+    isotropic: bool | None = None
+    ceiling: float = 0.0
+    oriented: bool = False
+    material: str = ""
 
 
 class CellEnergy(Term):
@@ -35,17 +61,10 @@ class CellEnergy(Term):
     Parameters
     ----------
     space : LevelSpace
-    psi : callable (F, **parameters) -> UFL energy density [Pa]
+    density : Density
     parameters : mapping of names to arrays (m,), of the mesh's cells; a domain has the volume-weighted means
     domains : Domains
     name : str
-    isotropic : whether psi(Q F R) = psi(F) for all rotations; found by evaluation where not given
-    material : whose density it is, for error messages
-    model : callable (F, v, w, **parameters) -> UFL bilinear form [Pa] in the changes v and w of F, positive
-        semi-definite; it takes the place of psi's second derivative where negative eigenvalues are cut off
-    ceiling : det F from which on psi is zero and not evaluated; zero leaves that out. For densities that are not
-        declared isotropic
-    oriented : whether the energy is infinite unless det F > 0 in all domains; then psi must depend on F
 
     Raises
     ------
@@ -54,57 +73,40 @@ class CellEnergy(Term):
     """
 
     def __init__(
-        self,
-        space: LevelSpace,
-        psi: Callable,
-        parameters: Mapping[str, np.ndarray],
-        domains: Domains,
-        name: str = "elastic",
-        isotropic: bool | None = None,
-        material: str = "",
-        model: Callable | None = None,
-        ceiling: float = 0.0,
-        oriented: bool = False,
+        self, space: LevelSpace, density: Density, parameters: Values, domains: Domains, name: str = "elastic"
     ):
         if len(parameters) > native.MAX_PARAMETERS:
             raise InputError(
-                f"{material or name}: psi has {len(parameters)} parameters, at most {native.MAX_PARAMETERS} are"
+                f"{density.material or name}: psi has {len(parameters)} parameters, at most {native.MAX_PARAMETERS} are"
                 " possible; put constants into psi itself"
             )
-        self.space, self.name, self._isotropic = space, name, isotropic
-        self.psi, self.parameters, self.domains = psi, dict(parameters), domains
-        self.stencils = (domains,)
+        self.space, self.name, self.stencils = space, name, (domains,)
+        self.psi, self.parameters, self.domains = density.psi, dict(parameters), domains
         self._version = 0  # of the domains' own values
-        self._domains = domains.struct(ceiling, oriented)
-        means = self._means(parameters)
-        counted = slice(domains.counted)
-        self.scale = space.reduce(
-            float(sum(np.abs(values[counted]) @ domains.volumes[counted] for values in means.values()))
-        )
-        self._compile(psi, model, means)
+        self._domains = domains.struct(density.ceiling, density.oriented)
+        means, counted = self._means(parameters), slice(domains.counted)
+        sizes = (np.abs(values[counted]) @ domains.volumes[counted] for values in means.values())
+        self.scale = space.reduce(float(sum(sizes)))
+        self._compile(density, means)
 
-    def _means(self, parameters: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def _means(self, parameters: Values) -> dict[str, np.ndarray]:
         """(count,) of each domain, from values (m,) of the mesh's cells."""
         return {name: self.domains.mean(np.asarray(values, dtype=float)) for name, values in parameters.items()}
 
-    def _compile(self, psi: Callable, model: Callable | None, parameters: Mapping[str, np.ndarray]) -> None:
-        space, d = self.space, self.space.dim
+    def _compile(self, law: Density, parameters: Values) -> None:
+        space, d, psi, model = self.space, self.space.dim, law.psi, law.model
         F, v, w = (kind(tensors((d, d))) for kind in (ufl.Coefficient, ufl.TestFunction, ufl.TrialFunction))
         coefficients = {name: ufl.Coefficient(tensors()) for name in parameters}
         names = {coefficient: name for name, coefficient in coefficients.items()}
-        compiled = lambda form: _Density(space.comm, form, names, parameters, len(self.domains))
+        compiled = lambda form: _Compiled(space.comm, form, names, parameters, len(self.domains))
         density = psi(F, **coefficients) * ONE_POINT
         first = ufl.derivative(density, F, v)
         self._density, self._first = compiled(density), compiled(first)
-        self._second: _Density | None = None
+        self._second: _Compiled | None = None
         self._model = compiled(model(F, v, w, **coefficients) * ONE_POINT) if model else None
-        self._stretches: tuple[_Density, ...] = ()
-        if (
-            d == 3
-            and model is None
-            and parameters
-            and (self._is_isotropic() if self._isotropic is None else self._isotropic)
-        ):
+        self._stretches: tuple[_Compiled, ...] = ()
+        by_stretches = d == 3 and model is None and parameters
+        if by_stretches and (self._is_isotropic() if law.isotropic is None else law.isotropic):
             s, one, other = (kind(tensors((3,))) for kind in (ufl.Coefficient, ufl.TestFunction, ufl.TrialFunction))
             diagonal = ufl.as_matrix([[s[i] if i == j else 0 for j in range(3)] for i in range(3)])
             slope = ufl.derivative(psi(diagonal, **coefficients) * ONE_POINT, s, one)
@@ -136,7 +138,7 @@ class CellEnergy(Term):
                     changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
         return self.space.reduce(max(changes, default=0.0), MPI.MAX) < ISOTROPY_TOLERANCE
 
-    def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
+    def set_parameters(self, parameters: Values) -> None:
         """Sets the values (m,) of some parameters without compiling anything."""
         self.parameters.update(parameters)
         self.fill(self._means(parameters))
@@ -187,7 +189,7 @@ def _in_lanes(values: np.ndarray) -> np.ndarray:
     return padded.reshape(-1, native.LANES)
 
 
-class _Density(Kernel):
+class _Compiled(Kernel):
     """A kernel of psi's argument, F or the stretches, and the domains' parameters; `c` is the C struct of both."""
 
     def __init__(

@@ -36,7 +36,7 @@ class Study:
     ----------
     shot : from a scene file
     out : folder of the study
-    axes, alone : from `chosen_axes`
+    chosen : from `chosen_axes`
     method : "progressive" or "direct"
     last : the finest level; chosen by the budget when None
     reference : the variation that the user wants
@@ -48,8 +48,7 @@ class Study:
         self,
         shot: Shot,
         out: Path,
-        axes: Sequence[Axis],
-        alone: bool,
+        chosen: tuple[Sequence[Axis], bool],
         method: str,
         last: int | None,
         reference: Variation | None,
@@ -58,7 +57,7 @@ class Study:
     ):
         if last is not None and not 0 <= last < shot.scene.levels:
             raise InputError(f"level {last} does not exist; the scene has levels 0:{shot.scene.levels - 1}")
-        self.shot, self.out, self.jobs, self.budget = shot, out, jobs, budget
+        self.shot, self.out, self.jobs, self.budget, (axes, alone) = shot, out, jobs, budget, chosen
         self.begin = time.monotonic()
         scene = shot.scene
         self.base = Base.of(shot)

@@ -8,6 +8,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,16 +24,24 @@ FIRST_SPREAD = 0.3  # standard deviation of the first batch, in ranges: it cover
 MOST_RESTARTS = 50  # of a strategy that has contracted to a point, in one search
 
 
+@dataclass(frozen=True)
+class Until:
+    """When a search ends.
+
+    Attributes
+    ----------
+    runs : evaluations at most
+    deadline : on `time.monotonic()`'s clock [s]: what runs then is stopped, and no batch is begun later
+    goal : a score that is enough
+    """
+
+    runs: int
+    deadline: float
+    goal: float = math.inf
+
+
 def seek_best(
-    wedge: Wedge,
-    text: str,
-    varies: Sequence[Vary],
-    workers: Workers,
-    runs: int,
-    deadline: float,
-    seed: int,
-    report: Report,
-    goal: float = math.inf,
+    wedge: Wedge, text: str, varies: Sequence[Vary], workers: Workers, until: Until, seed: int, report: Report
 ) -> dict[str, Any]:
     """Search ranges of parameters for the largest score; wedge.json gets the result as `best`.
 
@@ -42,11 +51,8 @@ def seek_best(
     ----------
     text : of the score, one of the wedge's
     varies : the ranges
-    runs : evaluations at most
-    deadline : on `time.monotonic()`'s clock [s]: what runs then is stopped
     seed : of the random numbers, 0 or above
     report : called with the entry and the outcome of each run that ended
-    goal : a score with which the search ends
 
     Returns
     -------
@@ -71,7 +77,7 @@ def seek_best(
     def evaluate(points: Sequence[np.ndarray]) -> list[float]:
         chosen = [{vary.name: vary.at(float(x)) for vary, x in zip(varies, point, strict=True)} for point in points]
         numbers = wedge.add([Variation.of(changes) for changes in chosen], words)
-        wedge.run(numbers, workers, report, deadline)
+        wedge.run(numbers, workers, report, until.deadline)
         tried.extend(wedge.entries[number] for number in numbers)
         scored = [entry for entry in tried if entry["scores"].get(text) is not None]
         if scored:
@@ -80,7 +86,7 @@ def seek_best(
         scores = [wedge.entries[number]["scores"].get(text) for number in numbers]
         return [math.nan if score is None else score for score in scores]
 
-    seek(evaluate, len(varies), runs, deadline, seed, goal, workers.count * math.ceil(BATCH / workers.count))
+    seek(evaluate, len(varies), until, seed, workers.count * math.ceil(BATCH / workers.count))
     if wedge.best is None or all(entry["scores"].get(text) is None for entry in tried):
         reason = next((entry["reason"] for entry in tried if entry["reason"]), "")
         raise SimulationError(f"--seek {text}: no run has a score" + (f"; {reason}" if reason else ""))
@@ -88,13 +94,7 @@ def seek_best(
 
 
 def seek(
-    evaluate: Callable[[Sequence[np.ndarray]], list[float]],
-    count: int,
-    runs: int,
-    deadline: float,
-    seed: int,
-    goal: float = math.inf,
-    batch: int = BATCH,
+    evaluate: Callable[[Sequence[np.ndarray]], list[float]], count: int, until: Until, seed: int, batch: int = BATCH
 ) -> None:
     """Look for the point of the unit cube with the highest score. Same seed and same scores, same search.
 
@@ -102,9 +102,6 @@ def seek(
     ----------
     evaluate : gives the scores of a batch of points (count,), one each; NaN for those that failed, which count as the
         worst
-    runs : the most points that are evaluated
-    deadline : on `time.monotonic()`'s clock [s]: no batch is begun later
-    goal : the search ends with the batch in which a score reaches it
     batch : points at a time; a multiple of the number of workers keeps them busy
     """
     try:
@@ -122,9 +119,9 @@ def seek(
         strategy = cma.CMAEvolutionStrategy(start, FIRST_SPREAD, options)
         while not strategy.stop():
             proposed = strategy.ask()
-            scores = evaluate([np.clip(point[:count], 0.0, 1.0) for point in proposed[: runs - done]])
+            scores = evaluate([np.clip(point[:count], 0.0, 1.0) for point in proposed[: until.runs - done]])
             done += len(scores)
-            if max(scores, key=_or_least) >= goal or done >= runs or time.monotonic() >= deadline:
+            if max(scores, key=_or_least) >= until.goal or done >= until.runs or time.monotonic() >= until.deadline:
                 return
             strategy.tell(proposed, losses(scores))
 

@@ -15,7 +15,7 @@ def bowl(point):
     return -float(((point - TOP) ** 2).sum())
 
 
-def sought(score, runs, seed, **options):
+def sought(score, runs, seed, batch=search.BATCH, **options):
     """The points that a search has evaluated, batch by batch, and their scores."""
     batches = []
 
@@ -23,7 +23,7 @@ def sought(score, runs, seed, **options):
         batches.append([(point, score(point)) for point in points])
         return [value for _, value in batches[-1]]
 
-    seek(evaluate, 3, runs, **{"deadline": np.inf, "seed": seed, **options})
+    seek(evaluate, 3, search.Until(runs, **{"deadline": np.inf, **options}), seed, batch)
     points, scores = (np.array(part) for part in zip(*sum(batches, []), strict=True))
     assert len(points) <= runs and (points >= 0.0).all() and (points <= 1.0).all()
     return points, scores, [len(batch) for batch in batches]
@@ -81,4 +81,4 @@ def test_failures_rank_last():
 @pytest.mark.parametrize("words", [(), ("a=1,2",), ("a=1:1",)])
 def test_a_search_needs_ranges(words):
     with pytest.raises(search.InputError, match="--seek needs ranges"):
-        search.seek_best(None, "s", parsed_varies(words), None, 1, 0.0, 0, print)
+        search.seek_best(None, "s", parsed_varies(words), None, search.Until(1, 0.0), 0, print)
