@@ -34,7 +34,7 @@ MEETING = np.dtype(
     },
     align=True,
 )
-POINT, EDGES = 0, 1  # kinds of pairs that meet, as in search.c
+POINT, EDGES = 0, 1  # kinds of pairs that meet, as in ways.c
 
 
 class Contacts:

@@ -152,5 +152,22 @@ INLINE double left(place_t place, double bound, double rate)
     return bound - place.share * rate - 2.0 * place.off;
 }
 
+/* Largest relative motion of two primitives, whose vertices move by y - x: their distance changes by no more. */
+INLINE double approach(int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y)
+{
+    double most = 0.0;
+    for (int i = 0; i < n; ++i)
+        for (int k = 0; k < m; ++k) {
+            const int64_t a = (int64_t)d * one[i], b = (int64_t)d * other[k];
+            double size = 0.0;
+            for (int j = 0; j < d; ++j) {
+                const double move = (y[a + j] - x[a + j]) - (y[b + j] - x[b + j]);
+                size += move * move;
+            }
+            most = fmax(most, size);
+        }
+    return sqrt(most);
+}
+
 int active_contacts(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, contacts_t *to);
 #endif
