@@ -44,8 +44,8 @@ class Elastic(CellEnergy):
     ):
         super().__init__(space, replace(law, oriented=True), parameters, domains)
         self._shares = shares
-        if not psi.__module__.startswith("pdvol."):  # a law of the user's
-            self._require_stable(material)
+        if not law.psi.__module__.startswith("pdvol."):  # a law of the user's
+            self._require_stable(law.material)
         self._lame = {name: parameters[name] for name in ("mu", "lmbda")}
 
     def set_time(self, time: float) -> None:
