@@ -1,6 +1,12 @@
 // The stage: which panes are where, one camera for all of them, and the picture.
 "use strict";
 
+const $ = (id) => document.getElementById(id);
+const element = (name, properties, ...children) => {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+};
 const stage = document.getElementById("stage"), canvas = document.getElementById("canvas");
 
 class View {
