@@ -95,8 +95,3 @@ class LiveRun:
         """The number of coarsest levels that have a step."""
         levels = [] if self._run is None else list(self._run.levels)
         return next((i for i, level in enumerate(levels) if level.steps <= step), len(levels))
-
-    def finest_with(self, step: int, wanted: int | None = None) -> int:
-        """The finest level that has a step, `wanted` at most; 0 where none has it."""
-        count = self.levels_with(step)
-        return max(0, count - 1 if wanted is None else min(wanted, count - 1))

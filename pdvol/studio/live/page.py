@@ -1,56 +1,62 @@
-"""The live page: a viser scene with controls, over a `Session`."""
+"""The live page: what its browsers are sent, and what they may ask for, over a `Session`."""
 
+import json
 import threading
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict
 from typing import Any
 
-from pdvol.errors import PdvolError
+import numpy as np
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection
+
+from pdvol.errors import InputError, PdvolError
 from pdvol.runs.scene_file import parse_value
 from pdvol.runs.stage_lines import real_time
+from pdvol.store.files import jsonable
 from pdvol.store.reader import Run, RunLevel
-from pdvol.studio.draw.camera import Camera
 from pdvol.studio.live.controls import Control
-from pdvol.studio.live.frames import Frames, view, whole_view
+from pdvol.studio.live.frames import Frames, whole_view
 from pdvol.studio.live.live_run import LiveRun
-from pdvol.studio.live.playback import Playback
-from pdvol.studio.live.server import LocalServer
 from pdvol.studio.live.session import Session
-from pdvol.studio.live.stage import Stage
-from pdvol.studio.shown import upward_in_3d
+from pdvol.studio.play.document import COLOURS, camera_entry, rendered
+from pdvol.studio.shown import upward
 from pdvol.studio.wedge.variation import short_text, value_text
 
-PERIOD = 0.02  # seconds between looks at the stored states
+PERIOD = 0.01  # seconds between looks at the stored states, and at what a page asks for
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field
-BUTTONS = ("first", "<", ">", "newest")
-FINEST = "finest"
-BUTTON_COLOUR = (107, 143, 199)  # red, green and blue
+MOST_STATES = 64  # that a page may ask for at once
+LIVE_SCRIPTS = ("states.js", "shaders.js", "bodies.js", "view.js", "live.js")
 
 
 class Page:
-    """One page over a session.
+    """One page over a session. Each browser that shows it has its own moment, level and view.
 
     Parameters
     ----------
-    server : where it is shown
     session : its runs
     controls : for the scene's parameters
     levels : the number of levels that may come
     title : of the scene
     """
 
-    def __init__(self, server: LocalServer, session: Session, controls: Sequence[Control], levels: int, title: str):
-        self._server, self._session, self._controls = server, session, controls
-        self._levels, self._title = levels, title
-        self._stage, self._playback = Stage(server), Playback()
-        self._lock = threading.RLock()
-        self._frames: tuple[int, int, Frames] | None = None  # run, level
-        self._run: int | None = None  # that is played
-        self._drawn: tuple[int, int, int] | None = None  # run, level, step on the screen
-        self._camera: Camera | None = None
-        self._message = ""
+    def __init__(self, session: Session, controls: Sequence[Control], levels: int, title: str):
+        self._session, self._title, self._levels = session, title, levels
+        self._controls = {control.name: control for control in controls}
+        self._frames: dict[int, Frames] = {}  # by level, of one run
+        self._frames_of = 0
+        self._lock = threading.Lock()
+        self._status: dict[str, Any] = {}
         self._end = threading.Event()
-        self._build()
+
+    def html(self) -> str:
+        """The page as a browser loads it."""
+        controls = [asdict(control) | {"text": control.text} for control in self._controls.values()]
+        data = jsonable({"colours": COLOURS, "controls": controls, "name": f"{self._title}_1"})
+        return rendered(
+            "live.html.jinja", LIVE_SCRIPTS, title=f"pdvol live: {self._title}", data=data, levels=self._levels
+        )
 
     def serve(self) -> None:
         """Keep the page going until `stop`."""
@@ -59,181 +65,126 @@ class Page:
             self._end.wait(PERIOD)
 
     def stop(self) -> None:
-        """End `serve`."""
+        """End `serve` and the conversations."""
         self._end.set()
 
     def update(self) -> None:
         """Follow the session once."""
         self._session.tick()
+        self._status = self._look()
+
+    def talk(self, browser: ServerConnection) -> None:
+        """Answer one browser, and send it the status whenever that has changed, until one of both ends."""
+        sent = None
+        with suppress(ConnectionClosed):
+            while not self._end.is_set():
+                with suppress(TimeoutError):
+                    for answer in self.answers(browser.recv(timeout=PERIOD)):
+                        browser.send(answer)
+                status = self._status
+                if status and status != sent:
+                    browser.send(json.dumps({"status": status}))
+                    sent = status
+
+    def answers(self, message: str | bytes) -> Iterator[str | bytes]:
+        """What a browser gets for a message: a mistake is one line, whatever it sends."""
+        try:
+            request = json.loads(message)
+            work = getattr(self, f"_do_{request['do']}")
+            found = work(**{name: value for name, value in request.items() if name != "do"})
+        except PdvolError as error:
+            yield json.dumps({"message": " ".join(str(error).split())})
+        except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError):
+            yield json.dumps({"message": "the page has sent something else than a command; load it again"})
+        else:
+            yield from found if isinstance(found, list) else [json.dumps({"done": request["do"], **(found or {})})]
+
+    # ---- what a browser may ask for
+
+    def _do_scene(self, run: int, level: int) -> dict | list:
+        frames = self._of(run, level)
+        return {"run": run, "level": level, **frames.scene()} if frames else []
+
+    def _do_states(self, run: int, level: int, steps: list[int]) -> list[bytes]:
+        frames = self._of(run, level)
+        wanted = [int(step) for step in steps[:MOST_STATES]]
+        shown = [] if frames is None else [step for step in wanted if 0 <= step < frames.level.steps]
+        heads = (np.array([run, level, step, 0], "<i4").tobytes() for step in shown)
+        return [head + frames.places(step) for head, step in zip(heads, shown, strict=True) if frames]
+
+    def _do_change(self, name: str, value: Any) -> None:
+        if not isinstance(value, str | int | float):
+            raise TypeError(f"{name} is a number or text")
+        wait = {"wait": TYPING_PAUSE} if self._controls[name].kind == "text" else {}
+        self._session.change({name: parse_value(value) if isinstance(value, str) else value}, **wait)
+
+    def _do_reset(self) -> None:
+        self._session.change({name: control.value for name, control in self._controls.items()})
+
+    def _do_branch(self, step: int) -> None:
+        self._session.branch(int(step))
+
+    def _do_pause(self) -> None:
+        self._session.pause()
+
+    def _do_resume(self) -> None:
+        self._session.resume()
+
+    def _do_go_to(self, step: int) -> None:
+        self._session.go_to(int(step))
+
+    def _do_keep(self, name: str) -> None:
+        self._session.keep(str(name))
+
+    def _do_fit(self) -> dict:
+        stored = self._session.shown and self._session.shown.stored
+        if not stored:
+            raise InputError("there is nothing to see yet")
+        return {"camera": jsonable(camera_entry(whole_view(stored), upward(stored)))}
+
+    def _of(self, run: int, level: int) -> Frames | None:
+        """The frames of a level of the run that is shown; None where that is another one."""
         with self._lock:
-            run = self._session.shown
-            stored = None if run is None else run.stored
-            if run is not None and stored is not None:
-                self._draw(run, stored)
-            self._set(self._status, "content", self._text())
+            shown = self._session.shown
+            if shown is None or shown.stored is None or shown.number != run:
+                return None
+            if self._frames_of != run:
+                self._frames_of, self._frames = run, {}
+            if level not in self._frames and 0 <= level < len(shown.stored.levels):
+                self._frames[level] = Frames(shown.stored, level)
+            return self._frames.get(level)
 
-    # ---- drawing
+    # ---- what all browsers are sent
 
-    def _draw(self, run: LiveRun, stored: Run) -> None:
-        if self._run != run.number:
-            self._run = run.number
-            self._playback.restart()
-            self._playback.step = run.branch[1] if run.branch else 0
-        newest = run.steps - 1
-        step = self._playback.advance(time.monotonic(), newest, run.level_0_ended, stored.dt)
-        self._set(self._play, "label", "Stop" if self._playback.plays else "Play")
-        wanted = None if self._level.value == FINEST else int(self._level.value)
-        level = run.finest_with(step, wanted)
-        if self._drawn == (run.number, level, step):
-            return
-        camera = self._camera or self._look(view(stored), stored)
-        if self._frames is None or self._frames[:2] != (run.number, level):
-            self._frames = run.number, level, Frames(stored, level, camera.size, camera.focus)
-        self._stage.show(self._frames[2].at(step))
-        self._drawn = run.number, level, step
-        self._set(self._moment, "max", max(1, stored.info["steps"]))
-        self._set(self._moment, "value", step)
+    def _look(self) -> dict[str, Any]:
+        """What the page says and shows, in JSON's types."""
+        session, run = self._session, self._session.current
+        values = {name: session.values.get(name, one.value) for name, one in self._controls.items()}
+        texts = {name for name, one in self._controls.items() if one.kind in ("text", "choice")}
+        found: dict[str, Any] = {
+            "lines": [["faint", "starting ..."]] if run is None else self._lines(run),
+            "paused": session.paused,
+            "values": {name: value_text(value) if name in texts else value for name, value in values.items()},
+        }
+        shown = session.shown
+        if shown is not None and shown.stored is not None:
+            stored = shown.stored
+            found |= {"run": shown.number, "begin": shown.branch[1] if shown.branch else 0, "dt": stored.dt}
+            found |= {"states": [level.steps for level in stored.levels], "steps": stored.info["steps"]}
+            found |= {"ended": shown.level_0_ended}
+        return jsonable(found)
 
-    def _look(self, camera: Camera, stored: Run) -> Camera:
-        """See a run from this camera; what is drawn has sizes that belong to it. Gives the camera."""
-        self._camera, self._drawn, self._frames = camera, None, None
-        self._stage.look_from(camera, upward_in_3d(stored))
-        return camera
-
-    def _text(self) -> str:
-        run, shown = self._session.current, self._session.shown
-        lines = []
-        if run is None:
-            lines.append("*starting ...*")
-        else:
-            lines.append(f"**run {run.number}** {_values(run)}")
-            lines += [f"{line}" for line in _level_lines(run)]
-            state = "paused" if self._session.paused and run.running else run.state
-            lines.append(state if run.first_state is None else f"{state}, first state after {run.first_state:.2f} s")
-            lines += [run.lasting] if run.lasting else []
-            lines += [f"*{run.note}*"] if run.note else []
-            lines += [f"⚠ **{run.reason}**"] if run.reason else []
-            if shown is not None and shown is not run:
-                lines.append(f"*on the screen: run {shown.number}*")
-            if shown is not None and shown.kept is not None:
-                lines.append(f"kept in `{shown.kept}`")
-        if self._drawn is not None and shown is not None and shown.stored is not None:
-            _, level, step = self._drawn
-            lines.insert(0, f"step {step}, {step * shown.stored.dt:.2f} s, level {level}")
-        return "\n\n".join([*lines, *([f"⚠ **{self._message}**"] if self._message else [])])
-
-    # ---- controls
-
-    def _build(self) -> None:
-        gui = self._server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BUTTON_COLOUR)
-        gui.main_panel.dock_right()
-        self._status = gui.add_markdown("*starting ...*")
-        with gui.add_folder("Time"):
-            self._moment = gui.add_slider("step", min=0, max=1, step=1, initial_value=0)
-            self._play = gui.add_button("Play")
-            self._one = gui.add_button_group("", BUTTONS)
-            self._pause = gui.add_button("Pause computing", hint="hold the simulation; > computes the next step")
-            names = (FINEST, *(str(level) for level in range(self._levels)))
-            self._wireframe = gui.add_checkbox("wireframe", False, hint="the bodies' edges alone")
-            self._level = gui.add_dropdown("level", names, hint="finest: of those that have reached the step")
-        with gui.add_folder("Parameters"):
-            self._fields = [(control, self._field(control)) for control in self._controls]
-            again = gui.add_button("Go on from this step", hint="a new run: states up to this step, then these values")
-            reset = gui.add_button("Reset values")
-        with gui.add_folder("Keep"):
-            name = gui.add_text("name", initial_value=f"{self._title}_1")
-            keep = gui.add_button("Keep this run")
-            fit = gui.add_button("Fit view", hint="see all that is stored so far")
-        self._moment.on_update(self._scrub)
-        self._play.on_click(lambda _: self._respond(self._play_or_stop))
-        self._one.on_click(lambda event: self._respond(lambda: self._move(event.target.value)))
-        self._pause.on_click(lambda _: self._respond(self._pause_or_go_on))
-        self._wireframe.on_update(lambda event: self._respond(lambda: self._stage.draw_wireframe(event.target.value)))
-        again.on_click(lambda _: self._respond(lambda: self._session.branch(self._playback.step)))
-        reset.on_click(lambda _: self._respond(self._reset))
-        keep.on_click(lambda _: self._respond(lambda: self._keep(name)))
-        fit.on_click(lambda _: self._respond(self._fit))
-
-    def _field(self, control: Control) -> Any:
-        gui, name = self._server.gui, control.name
-        field: Any
-        if control.kind == "checkbox":
-            field = gui.add_checkbox(name, bool(control.value))
-        elif control.kind == "slider":
-            field = gui.add_slider(name, control.low, control.high, control.step, control.value)
-        elif control.kind == "choice":
-            field = gui.add_dropdown(name, control.choices, initial_value=control.text)
-        else:
-            field = gui.add_text(name, control.text)
-        wait = {"wait": TYPING_PAUSE} if control.kind == "text" else {}
-
-        @field.on_update
-        def _(event: Any) -> None:
-            if event.client_id is not None:
-                value = event.target.value
-                values = {name: parse_value(value) if isinstance(value, str) else value}
-                self._respond(lambda: self._session.change(values, **wait))
-
-        return field
-
-    def _respond(self, action: Callable[[], Any]) -> None:
-        """Do what a control asks for; a mistake is shown."""
-        with self._lock:
-            self._message = ""
-            try:
-                action()
-            except PdvolError as error:
-                self._message = " ".join(str(error).split())
-
-    def _scrub(self, event: Any) -> None:
-        if event.client_id is not None:
-            self._respond(lambda: self._playback.choose(int(event.target.value)))
-
-    def _play_or_stop(self) -> None:
-        run = self._session.shown
-        if self._playback.plays:
-            self._playback.choose(self._playback.step)
-        elif run is not None:
-            self._playback.play(time.monotonic(), run.steps - 1)
-
-    def _move(self, button: str) -> None:
-        run, step = self._session.shown, self._playback.step
-        if run is None:
-            return
-        step = dict(zip(BUTTONS, (0, step - 1, step + 1, run.steps - 1), strict=True))[button]
-        if step >= run.steps:
-            self._session.go_to(step)
-        self._playback.choose(step)
-        self._playback.follows = button == BUTTONS[-1] and not run.level_0_ended
-
-    def _pause_or_go_on(self) -> None:
-        if self._session.paused:
-            self._session.resume()
-        else:
-            self._session.pause()
-        self._pause.label = "Go on computing" if self._session.paused else "Pause computing"
-
-    def _reset(self) -> None:
-        for control, field in self._fields:
-            field.value = control.text if control.kind in ("text", "choice") else control.value
-        self._session.change({control.name: control.value for control in self._controls})
-
-    def _keep(self, name: Any) -> None:
-        self._session.keep(name.value)
-        stem, _, number = name.value.rpartition("_")
-        name.value = f"{stem}_{int(number) + 1}" if stem and number.isdigit() else f"{name.value}_2"
-
-    def _fit(self) -> None:
-        stored = None if self._session.shown is None else self._session.shown.stored
-        if stored is not None:
-            self._look(whole_view(stored), stored)
-
-    @staticmethod
-    def _set(handle: Any, name: str, value: Any) -> None:
-        """Set what has changed only: each assignment is a message."""
-        if getattr(handle, name) != value:
-            setattr(handle, name, value)
+    def _lines(self, run: LiveRun) -> list[list[str]]:
+        """A class and a line each."""
+        shown = self._session.shown
+        state = "paused" if self._session.paused and run.running else run.state
+        lines = [["title", f"run {run.number}"], ["", _values(run)], *(["", line] for line in _level_lines(run))]
+        lines += [["", state if run.first_state is None else f"{state}, first state after {run.first_state:.2f} s"]]
+        lines += [["faint", run.lasting], ["faint", run.note], ["wrong", run.reason]]
+        if shown is not None:
+            lines += [["faint", f"on the screen: run {shown.number}" if shown is not run else ""]]
+            lines += [["faint", f"kept in {shown.kept}" if shown.kept else ""]]
+        return [line for line in lines if line[1]]
 
 
 def _values(run: LiveRun) -> str:

@@ -1,0 +1,235 @@
+// The live page: a run whose states come over a websocket as they are asked for. `live` is what scripts (and tests) may use.
+"use strict";
+
+const AHEAD = 8;  // steps that are asked for before they are played
+const MOST_BYTES = 4e8;  // of places of a level in the page; beyond it they are asked for anew
+
+// Positions of one part, of the steps that have come. Neighbours stand in for others.
+class ComingStates {
+  constructor(first) { Object.assign(this, { points: first.points, states: Infinity, held: new Map([[0, first.at(0)]]) }); }
+  at(step) { return this.held.get(step) || this.held.get(step - 1) || this.held.get(0); }
+}
+
+class LiveShown extends Shown {
+  constructor(pane, arrays) {
+    const following = (part) => {
+      const states = new ComingStates(arrays[part.positions]);
+      part.positions = arrays.push(states) - 1;
+      return states;
+    };
+    const parts = [[following(pane), pane]];
+    for (const part of pane.obstacles.filter((obstacle) => obstacle.moving)) parts.push([part.kind === "plane" ? null : following(part), part]);
+    for (const part of [pane, ...pane.obstacles]) Object.assign(part, { low: [0, 0, 0], span: [1, 1, 1] });
+    super(pane, arrays);
+    this.coming = parts;
+  }
+  get held() { return this.coming[0][0].held; }
+  add(step, rows) {
+    if (this.held.size * rows.byteLength > MOST_BYTES) this.forget();
+    let from = 0;
+    for (const [states, part] of this.coming) {
+      const values = rows.subarray(from, from += 4 * (states ? states.points : 2)), dim = FLAT ? 2 : 3;
+      if (states) states.held.set(step, values);
+      else part.places[step] = [...values.subarray(0, dim), ...values.subarray(4, 4 + dim)];
+    }
+    for (const moving of this.moving) if (moving.state === step - 1) moving.state = -1;
+  }
+  forget() { for (const [states] of this.coming) if (states) states.held = new Map([[0, states.held.get(0)]]); }
+  goTo(position) {
+    for (const moving of this.moving) moving.goTo(position);
+    for (const plane of this.grounds) this.putGround(plane, position);
+  }
+  dispose() {
+    this.scene.traverse((object) => { if (object.geometry) { object.geometry.dispose(); object.material.dispose(); } });
+  }
+}
+
+class Live {
+  constructor() {
+    Object.assign(this, { status: {}, run: 0, levels: new Map(), asked: new Set(), view: null, drawn: "", waiting: false });
+    Object.assign(this, { position: 0, follows: true, plays: false, last: 0, frames: 0 });
+    this.rows = DATA.controls.map((control) => this.field(control));
+    this.listen();
+    this.socket = new WebSocket(`ws://${location.host}/socket`);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onmessage = ({ data }) => (typeof data === "string" ? this.hear(JSON.parse(data)) : this.take(data));
+    this.socket.onclose = () => this.say("The server has ended.");
+  }
+  ask(what, more = {}) { if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ do: what, ...more })); }
+  say(text) { $("mistake").textContent = text; }
+
+  // ---- what comes
+  hear(message) {
+    if (message.message) this.say(message.message);
+    if (message.status) this.follow(message.status);
+    if (message.done === "scene") this.build(message);
+    if (message.done === "fit") this.look(message.camera);
+    if (message.done === "keep") $("name").value = nextName($("name").value);
+  }
+  follow(status) {
+    this.status = status;
+    $("lines").replaceChildren(...status.lines.map(([className, textContent]) => element("p", { className, textContent })));
+    $("pause").textContent = status.paused ? "Go on computing" : "Pause computing";
+    for (const row of this.rows) if (!row.contains(document.activeElement)) row.show(status.values[row.name]);
+    if (status.run && status.run !== this.run) {
+      for (const [level, shown] of this.levels) if (shown && shown !== this.shown) shown.dispose();
+      Object.assign(this, { run: status.run, levels: new Map(), follows: true, plays: false, position: status.begin });
+      this.asked.clear();
+    }
+    if (status.run) for (const input of [$("scrubber"), $("step")]) input.max = status.steps;
+    this.redraw();
+  }
+  async build({ run, level, pane, chunks, texts, camera }) {
+    const arrays = await unpacked(chunks, (number) => texts[number]);
+    if (run !== this.run) return;
+    if (!this.view) useCamera(camera);
+    const shown = new LiveShown(pane, arrays);
+    shown.drawAs($("drawn").value);
+    this.levels.set(level, shown);
+    if (!this.view) {
+      this.view = new View([shown]);
+      this.view.controls.addEventListener("change", () => this.redraw());
+      new ResizeObserver(() => { this.view.resize(); this.redraw(); }).observe(stage);
+      $("message").hidden = true;
+    }
+    this.redraw();
+  }
+  take(data) {
+    const [run, level, step] = new Int32Array(data, 0, 3), shown = this.levels.get(level);
+    this.asked.delete(`${level} ${step}`);
+    if (run !== this.run || !shown) return;
+    shown.add(step, new Float32Array(data, 16));
+    this.redraw();
+  }
+  look(camera) {
+    useCamera(camera);
+    this.view.look("reset");
+    this.redraw();
+  }
+
+  // ---- the moment
+  get newest() { return this.status.run ? Math.max(this.status.states[0] - 1, 0) : 0; }
+  levelAt(step) {  // the finest one that has the step, or the chosen one
+    const without = this.status.states.findIndex((states) => states <= step), wanted = $("level").value;
+    const finest = (without < 0 ? this.status.states.length : without) - 1;
+    return Math.max(0, wanted === "" ? finest : Math.min(finest, Number(wanted)));
+  }
+  choose(step, follows = false) {
+    Object.assign(this, { position: Math.min(Math.max(step, 0), this.newest), follows, plays: false });
+    this.redraw();
+  }
+  step() { return Math.floor(Math.min(this.position, this.newest) + 1e-9); }
+  forward() {
+    if (this.step() + 1 > this.newest) this.ask("go_to", { step: this.newest + 1 });
+    this.choose(this.step() + 1);
+    this.follows = this.status.paused && this.step() === this.newest;
+  }
+  play() {
+    if (this.plays || this.follows) return this.choose(this.step());
+    Object.assign(this, { plays: true, last: 0, position: this.step() >= this.newest ? 0 : this.position });
+    this.redraw();
+  }
+  advance(now) {
+    const passed = this.last ? (now - this.last) / 1000 / this.status.dt : 0;
+    this.last = now;
+    if (this.follows) {
+      this.position = this.newest;
+      if (this.status.ended) Object.assign(this, { follows: false, plays: true });
+    } else if (this.plays && this.newest > 0) {
+      this.position += passed;
+      if (!this.status.ended) this.position = Math.min(this.position, this.newest);
+      else if (this.position > this.newest + 1) this.position = 0;  // the last one is seen for a step's time
+    }
+  }
+
+  // ---- drawing
+  redraw() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame((now) => this.frame(now));
+  }
+  frame(now) {
+    this.waiting = false;
+    if (!this.status.run) return;
+    this.advance(now);
+    const step = this.step(), level = this.levelAt(step), shown = this.levels.get(level);
+    if (shown === undefined) {
+      this.levels.set(level, null);  // it is asked for once
+      this.ask("scene", { run: this.run, level });
+    }
+    if (shown) {
+      const wanted = [];
+      for (let s = step; s <= step + (this.plays ? AHEAD : 0) && s < this.status.states[level]; s++) {
+        const key = `${level} ${s}`;
+        if (!shown.held.has(s) && !this.asked.has(key)) { this.asked.add(key); wanted.push(s); }
+      }
+      if (wanted.length) this.ask("states", { run: this.run, level, steps: wanted });
+      if (shown.held.has(step)) this.show(shown, step, level);
+    }
+    if (this.shown) this.view.draw(this.at);
+    this.frames++;
+    if (this.plays) this.redraw();
+  }
+  show(shown, step, level) {
+    if (this.shown && this.shown !== shown && ![...this.levels.values()].includes(this.shown)) this.shown.dispose();
+    this.shown = this.view.shown[0] = shown;
+    this.at = this.plays && shown.held.has(step + 1) ? Math.min(this.position, this.newest) : step;
+    $("moment").textContent = `step ${step}, ${(step * this.status.dt).toFixed(2)} s, level ${level}`;
+    for (const input of [$("scrubber"), $("step")]) if (input !== document.activeElement || this.plays || this.follows) input.value = step;
+    $("play").textContent = this.plays || this.follows ? "Stop" : "Play";
+  }
+
+  // ---- what the user does
+  field(control) {
+    const { name, kind, low, high, step } = control, range = kind === "slider";
+    const make = (properties) => element("input", { min: low, max: high, step, ...properties });
+    const inputs = range ? [make({ type: "range" }), make({ type: "number", step: "any" })]
+      : kind === "choice" ? [element("select", {}, ...control.choices.map((text) => element("option", { value: text, textContent: text })))]
+        : [element("input", { type: kind === "checkbox" ? kind : "text" })];
+    const row = element("label", { title: name }, element("span", { textContent: name }), ...inputs);
+    const key = kind === "checkbox" ? "checked" : "value";
+    row.name = name;
+    row.show = (value) => { for (const input of inputs) if (input !== document.activeElement && String(input[key]) !== String(value)) input[key] = value; };
+    row.show(kind === "slider" || kind === "checkbox" ? control.value : control.text);
+    const send = (input) => {
+      const value = range ? input.valueAsNumber : input[key];
+      if (Number.isNaN(value)) return;
+      row.show(value);
+      this.say("");
+      this.ask("change", { name, value });
+    };
+    for (const input of inputs) input[input.type === "number" ? "onchange" : "oninput"] = () => send(input);
+    $("fields").append(row);
+    return row;
+  }
+  listen() {
+    const on = (id, work) => { $(id).onclick = () => { this.say(""); work(); }; };
+    on("play", () => this.play());
+    on("start", () => this.choose(0));
+    on("back", () => this.choose(this.step() - 1));
+    on("forward", () => this.forward());
+    on("newest", () => this.choose(this.newest, !this.status.ended));
+    on("pause", () => this.ask(this.status.paused ? "resume" : "pause"));
+    on("branch", () => this.ask("branch", { step: this.step() }));
+    on("reset", () => this.ask("reset"));
+    on("keep", () => this.ask("keep", { name: $("name").value }));
+    on("fit", () => this.ask("fit"));
+    $("scrubber").oninput = () => this.choose(Number($("scrubber").value));
+    $("step").onchange = () => this.choose(Math.round(Number($("step").value)));
+    $("level").onchange = () => this.redraw();
+    $("drawn").onchange = () => { for (const shown of this.levels.values()) if (shown) shown.drawAs($("drawn").value); this.redraw(); };
+    const keys = { " ": "play", Home: "start", ArrowLeft: "back", ArrowRight: "forward", End: "newest" };
+    document.addEventListener("keydown", (event) => {
+      if (!keys[event.key] || event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, button")) return;
+      $(keys[event.key]).click();
+      event.preventDefault();
+    });
+  }
+}
+
+function nextName(name) {
+  const [, stem, number] = /^(.*_)(\d+)$/.exec(name) || [null, `${name}_`, 1];
+  return stem + (Number(number) + 1);
+}
+
+window.live = new Live();
