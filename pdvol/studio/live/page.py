@@ -2,7 +2,7 @@
 
 import json
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
@@ -15,7 +15,6 @@ from pdvol.errors import InputError, PdvolError
 from pdvol.runs.scene_file import parse_value
 from pdvol.runs.stage_lines import real_time
 from pdvol.store.files import jsonable
-from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.live.controls import Control
 from pdvol.studio.live.frames import Frames, whole_view
 from pdvol.studio.live.live_run import LiveRun
@@ -49,6 +48,18 @@ class Page:
         self._lock = threading.Lock()
         self._status: dict[str, Any] = {}
         self._end = threading.Event()
+        self._work: dict[str, Callable[..., Any]] = {
+            "scene": self._scene,
+            "states": self._states,
+            "change": self._change,
+            "fit": self._fit,
+            "reset": lambda: session.change({control.name: control.value for control in controls}),
+            "branch": lambda step: session.branch(int(step)),
+            "go_to": lambda step: session.go_to(int(step)),
+            "pause": lambda: session.pause(),
+            "resume": lambda: session.resume(),
+            "keep": lambda name: {"folder": str(session.keep(str(name)))},
+        }
 
     def html(self) -> str:
         """The page as a browser loads it."""
@@ -90,53 +101,35 @@ class Page:
         """What a browser gets for a message: a mistake is one line, whatever it sends."""
         try:
             request = json.loads(message)
-            work = getattr(self, f"_do_{request['do']}")
-            found = work(**{name: value for name, value in request.items() if name != "do"})
+            name = request.pop("do")
+            found = self._work[name](**request)
         except PdvolError as error:
             yield json.dumps({"message": " ".join(str(error).split())})
         except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError):
             yield json.dumps({"message": "the page has sent something else than a command; load it again"})
         else:
-            yield from found if isinstance(found, list) else [json.dumps({"done": request["do"], **(found or {})})]
+            yield from found if isinstance(found, list) else [json.dumps({"done": name, **(found or {})})]
 
     # ---- what a browser may ask for
 
-    def _do_scene(self, run: int, level: int) -> dict | list:
+    def _scene(self, run: int, level: int) -> dict | list:
         frames = self._of(run, level)
         return {"run": run, "level": level, **frames.scene()} if frames else []
 
-    def _do_states(self, run: int, level: int, steps: list[int]) -> list[bytes]:
+    def _states(self, run: int, level: int, steps: list[int]) -> list[bytes]:
         frames = self._of(run, level)
         wanted = [int(step) for step in steps[:MOST_STATES]]
         shown = [] if frames is None else [step for step in wanted if 0 <= step < frames.level.steps]
         heads = (np.array([run, level, step, 0], "<i4").tobytes() for step in shown)
         return [head + frames.places(step) for head, step in zip(heads, shown, strict=True) if frames]
 
-    def _do_change(self, name: str, value: Any) -> None:
+    def _change(self, name: str, value: Any) -> None:
         if not isinstance(value, str | int | float):
             raise TypeError(f"{name} is a number or text")
         wait = {"wait": TYPING_PAUSE} if self._controls[name].kind == "text" else {}
         self._session.change({name: parse_value(value) if isinstance(value, str) else value}, **wait)
 
-    def _do_reset(self) -> None:
-        self._session.change({name: control.value for name, control in self._controls.items()})
-
-    def _do_branch(self, step: int) -> None:
-        self._session.branch(int(step))
-
-    def _do_pause(self) -> None:
-        self._session.pause()
-
-    def _do_resume(self) -> None:
-        self._session.resume()
-
-    def _do_go_to(self, step: int) -> None:
-        self._session.go_to(int(step))
-
-    def _do_keep(self, name: str) -> None:
-        self._session.keep(str(name))
-
-    def _do_fit(self) -> dict:
+    def _fit(self) -> dict:
         stored = self._session.shown and self._session.shown.stored
         if not stored:
             raise InputError("there is nothing to see yet")
@@ -178,7 +171,8 @@ class Page:
         """A class and a line each."""
         shown = self._session.shown
         state = "paused" if self._session.paused and run.running else run.state
-        lines = [["title", f"run {run.number}"], ["", _values(run)], *(["", line] for line in _level_lines(run))]
+        values = ", ".join(f"{name} {short_text(value_text(value))}" for name, value in sorted(run.values.items()))
+        lines = [["title", f"run {run.number}"], ["", values], *(["", line] for line in _level_lines(run))]
         lines += [["", state if run.first_state is None else f"{state}, first state after {run.first_state:.2f} s"]]
         lines += [["faint", run.lasting], ["faint", run.note], ["wrong", run.reason]]
         if shown is not None:
@@ -187,21 +181,15 @@ class Page:
         return [line for line in lines if line[1]]
 
 
-def _values(run: LiveRun) -> str:
-    return ", ".join(f"{name} {short_text(value_text(value))}" for name, value in sorted(run.values.items()))
-
-
 def _level_lines(run: LiveRun) -> list[str]:
     stored = run.stored
     if stored is None:
         return []
-    total = stored.info["steps"]
-    return [
-        f"level {level.index}: {max(0, level.steps - 1)} of {total} steps, {level.info['vertices']:,} vertices"
-        + (f", {_factor(stored, level)}" if level.steps > total else "")
-        for level in stored.levels
-    ]
-
-
-def _factor(stored: Run, level: RunLevel) -> str:
-    return real_time(stored.dt * len(level.log), sum(record["seconds"]["total"] for record in level.log))
+    lines, total = [], stored.info["steps"]
+    for level in stored.levels:
+        line = f"level {level.index}: {max(0, level.steps - 1)} of {total} steps, {level.info['vertices']:,} vertices"
+        if level.steps > total:
+            spent = sum(record["seconds"]["total"] for record in level.log)
+            line += f", {real_time(stored.dt * len(level.log), spent)}"
+        lines.append(line)
+    return lines

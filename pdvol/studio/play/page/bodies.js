@@ -81,13 +81,6 @@ function tintsOf(points, colourAt) {
   return tints;
 }
 
-// The place of a time [s] among a pane's states; the last one may be nearer to the one before than others are.
-function positionAt(pane, time) {
-  const before = Math.max(pane.states - 2, 0), last = pane.end - before * pane.dt;
-  const within = time <= before * pane.dt || last <= 0 ? time / pane.dt : before + (time - before * pane.dt) / last;
-  return Math.min(within, pane.states - 1);
-}
-
 // One pane's scene: `surfaces`, `edges` to be shown or hidden, `moving` to be put to a time.
 class Shown {
   constructor(pane, arrays) {
@@ -185,9 +178,15 @@ class Shown {
     return shadow;
   }
 
+  // The place of a time [s] among the states; the last one may be nearer to the one before than others are.
+  positionAt(time) {
+    const { states, dt, end } = this.pane, before = Math.max(states - 2, 0), last = end - before * dt;
+    const within = time <= before * dt || last <= 0 ? time / dt : before + (time - before * dt) / last;
+    return Math.min(within, states - 1);
+  }
   // To a time [s]; what is not stored that far stays at its last state.
   goTo(time) {
-    const position = positionAt(this.pane, time);
+    const position = this.positionAt(time);
     for (const moving of this.moving) moving.goTo(position);
     for (const plane of this.grounds) this.putGround(plane, position);
   }

@@ -35,10 +35,7 @@ class LiveShown extends Shown {
     for (const moving of this.moving) if (moving.state === step - 1) moving.state = -1;
   }
   forget() { for (const [states] of this.coming) if (states) states.held = new Map([[0, states.held.get(0)]]); }
-  goTo(position) {
-    for (const moving of this.moving) moving.goTo(position);
-    for (const plane of this.grounds) this.putGround(plane, position);
-  }
+  positionAt(position) { return position; }
   dispose() {
     this.scene.traverse((object) => { if (object.geometry) { object.geometry.dispose(); object.material.dispose(); } });
   }
@@ -63,7 +60,7 @@ class Live {
     if (message.message) this.say(message.message);
     if (message.status) this.follow(message.status);
     if (message.done === "scene") this.build(message);
-    if (message.done === "fit") this.look(message.camera);
+    if (message.done === "fit") { useCamera(message.camera); this.view.look("reset"); this.redraw(); }
     if (message.done === "keep") $("name").value = nextName($("name").value);
   }
   follow(status) {
@@ -99,11 +96,6 @@ class Live {
     this.asked.delete(`${level} ${step}`);
     if (run !== this.run || !shown) return;
     shown.add(step, new Float32Array(data, 16));
-    this.redraw();
-  }
-  look(camera) {
-    useCamera(camera);
-    this.view.look("reset");
     this.redraw();
   }
 
