@@ -15,6 +15,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Script
 from pdvol.registry import INTEGRATORS
+from pdvol.runs.hand import Player
 from pdvol.runs.progress import Progress
 from pdvol.stages import stage
 
@@ -56,6 +57,9 @@ def run_level(
         writer.call("set_level_state", level, "running")
         coarse = _coarse(model, integrator, writer)
         march = level_march(model, hierarchy, method, integrator, coarse, start, show=lasts)
+        hand = next((pulls.hand for pulls in model.pulls), None)
+        if level == 0 and hand is not None and hand.channel is not None:
+            march = Player(model, hand).led(march, start.step)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:

@@ -1,6 +1,8 @@
 """From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. Collective."""
 
+import dataclasses
 import platform
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
@@ -31,7 +33,7 @@ from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
-from pdvol.scene import Scene
+from pdvol.scene import RECORD, Hand, Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
@@ -104,6 +106,9 @@ def run_scene(
     on_root(comm, lambda: _check_folder(out, first, last, method, resume or first > 0, replace))
     if wavefront and shot.file is None:
         raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
+    played = scene.hand if scene.hand is not None and scene.hand.channel is not None else None
+    if played is not None and comm.size > 1:
+        raise InputError("a hand plays level 0 on one rank; leave out mpirun")
     if wavefront and comm.size > 1:
         raise InputError(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
@@ -122,7 +127,9 @@ def run_scene(
             if wavefront is None and not alone:
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
-            ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
+            ranks_of = lambda level: (
+                1 if played and level == 0 else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
+            )
             if wavefront:
                 if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, progress):
                     marched = range(0)
@@ -142,6 +149,8 @@ def run_scene(
                     model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
                 run_level(model, hierarchy, method, writer, progress)
         finally:
+            if played is not None:
+                _end_take(writer, played)
             writer.close()
     if levels.refused is not None:
         raise levels.refused
@@ -170,7 +179,22 @@ def refine_run(
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
     shot, how = stored_shot(info, is_own_run(Path(out), file)), (info["method"], info["prolongation"])
+    hand = shot.scene.hand
+    if hand is not None and hand.channel is not None:  # its process was killed while it was played
+        steps = min(shot.scene.steps, hand.steps)
+        shot = dataclasses.replace(
+            shot, scene=dataclasses.replace(shot.scene, hand=dataclasses.replace(hand, channel=None), steps=steps)
+        )
     return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks, done=done)
+
+
+def _end_take(writer: SharedWriter, hand: Hand) -> None:
+    """A take is as long as its level 0 has come."""
+    done = max(0, writer.call("steps", 0) - 1)
+    hand.keep(done)
+    writer.call("update_info", steps=done, channel=None)
+    if read_info(writer.path)["levels"][0]["state"] == "running":
+        writer.call("set_level_state", 0, "done")
 
 
 def _in_processes(writer: SharedWriter, counts: dict[int, int], wanted: int | None, progress: Watch | None) -> bool:
@@ -336,6 +360,12 @@ def _open_writer(
         }
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities, replace)
         writer.update_info(solvers=[_solver(scene, writer)])
+    if scene.hand is not None:
+        writer.update_info(hand=RECORD, channel=scene.hand.channel)
+        if scene.hand.channel is not None:
+            scene.hand.keep(max(0, writer.steps(0) - 1))
+        elif scene.hand.file.resolve() != (out / RECORD).resolve():
+            shutil.copyfile(scene.hand.file, out / RECORD)
     writer.write_obstacles(drawn)
     writer.write_render_meshes(rendered)
     return writer
