@@ -6,6 +6,7 @@ import sys
 import tempfile
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from pdvol.commands.options import add_levels, add_shot, chosen_shot, level_range
@@ -63,14 +64,22 @@ def main(options: Namespace) -> None:
         session = Session(
             options.scene.resolve(), settings, folder, options.out, last, options.steps, options.wavefront
         )
-        page = Page(session, shown, last + 1, shot.name)
-        server = LocalServer(options.host, options.port, page.html(), page.talk)
+        movable: dict[str, Any] = {one.name: None for one in shot.scene.obstacles if getattr(one, "movable", False)}
+        movable |= {f"support {number}": one for number, one in enumerate(shot.scene.supports) if one.movable}
+        page = Page(session, shown, last + 1, shot.name, movable)
+        server = LocalServer(options.host, options.port, page.html, page.talk)
         # A signal ends the loop between two updates. An exception in the middle of one can get lost in a library.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: page.stop())
         session.start()
         print(f"{server.address} shows {options.scene}; Ctrl-C ends it", file=sys.stderr, flush=True)
         page.serve()
+        if page.delays:
+            print(
+                f"by hand: real-time factor {page.factor:.2g}, {median(page.delays):.0f} ms at the median from the hand"
+                f" to the picture, {len(page.delays)} samples",
+                file=sys.stderr,
+            )
         print("ended; kept runs are in " + str(options.out) if _kept(options.out) else "ended", file=sys.stderr)
     except KeyboardInterrupt:
         print("ended", file=sys.stderr)

@@ -1,7 +1,11 @@
 """What a live page draws of a run that is still written: the parts of a level, their places, and views of the run."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 
+from pdvol.scene import Support
 from pdvol.store.files import jsonable
 from pdvol.store.reader import Run
 from pdvol.store.series import in_3d
@@ -23,27 +27,34 @@ class Frames:
     ----------
     run : Run
     level : its index
+    movable : what a hand may move, by its name in the hand's record: supports, and None for an obstacle
     """
 
-    def __init__(self, run: Run, level: int):
+    def __init__(self, run: Run, level: int, movable: Mapping[str, Support | None] = MappingProxyType({})):
         self.run, self.level, self._skin = run, run.levels[level], Skin(run.levels[level])
         self._moving = [
-            "positions" in obstacle.arrays or (obstacle.kind == "plane" and obstacle.arrays["point"].ndim == 2)
-            for obstacle in run.obstacles
+            o.name in movable or "positions" in o.arrays or (o.kind == "plane" and o.arrays["point"].ndim == 2)
+            for o in run.obstacles
         ]
+        self._movable = movable
 
     def scene(self) -> dict:
         """The level as the player's pane, with what its places at step 0 are, and the camera for the run's start."""
         chunks, level = Chunks(), self.level
         entry = {
             "positions": chunks.raw(_rows(level.positions(0)[self._skin.vertices])[None]),
+            "rest": chunks.raw(_rows(level.rest[self._skin.vertices])),
+            "names": list(self.run.info.get("bodies", [])),
+            "supports": [
+                {"name": name, "vertices": self._held(support)} for name, support in self._movable.items() if support
+            ],
             "obstacles": [],
             "details": [],
             "fields": {},
             **packed_faces(level, self._skin, chunks),
         }
         for obstacle, moving in zip(self.run.obstacles, self._moving, strict=True):
-            shape = packed_shape(obstacle, chunks) | {"moving": moving}
+            shape = packed_shape(obstacle, chunks) | {"moving": moving, "movable": obstacle.name in self._movable}
             if obstacle.kind == "plane":
                 shape["places"] = [np.concatenate(obstacle.plane(0))]
             else:
@@ -51,6 +62,15 @@ class Frames:
             entry["obstacles"].append(shape)
         camera = camera_entry(view(self.run), upward(self.run))
         return jsonable({"pane": entry, "chunks": chunks.entries, "texts": chunks.texts, "camera": camera})
+
+    def _held(self, support: Support) -> list[int]:
+        """The drawn vertices that a support holds."""
+        points, held = self.level.mesh.on_the_shape[self._skin.vertices], np.zeros(len(self._skin.vertices), dtype=bool)
+        for number, body in enumerate(self.run.info["bodies"]):
+            mine = self._skin.bodies == number
+            if support.body in ("", body) and mine.any():
+                held[mine] = support.where(points[mine])
+        return [int(vertex) for vertex in np.flatnonzero(held)]
 
     def places(self, step: int) -> bytes:
         """The vertices of the bodies at a stored step, then those of each obstacle that moves, as rows of `WIDTH`

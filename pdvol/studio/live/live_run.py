@@ -8,11 +8,12 @@ from pdvol.errors import InputError
 from pdvol.runs.stage_lines import SO_FAR
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
+from pdvol.studio.live.hand import REMARK, Hand
 from pdvol.studio.wedge.worker import Worker, last_line
 
 
 class LiveRun:
-    """A run folder that a worker fills.
+    """A run folder that a worker fills. A take is one that a hand has directed.
 
     Attributes
     ----------
@@ -26,6 +27,8 @@ class LiveRun:
     finest, refined : the finest level wanted, and the finest one that was ordered
     worker : what computes it now; None where nothing does
     kept : the folder that it is copied to
+    hand : what directs it; None for a run that is no take
+    played : whether the hand directs it now
     first_state : seconds from the change to its first stored state; None before
     """
 
@@ -37,9 +40,11 @@ class LiveRun:
         requested: float,
         branch: "tuple[LiveRun, int] | None" = None,
         note: str = "",
+        hand: Hand | None = None,
     ):
         self.number, self.folder, self.log = number, folder, folder.with_suffix(".log")
-        self.values, self.branch, self.note = values, branch, note
+        self.values, self.branch, self.note, self.hand = values, branch, note, hand
+        self.played = hand is not None
         self.state, self.reason = "waiting", ""
         self.finest = self.refined = 0
         self.worker: Worker | None = None
@@ -58,7 +63,7 @@ class LiveRun:
     def lasting(self) -> str:
         """What its command line says of a step, or a preparation, that takes long; empty where none does."""
         line = last_line(self.log) if self.running else ""
-        return line if line.endswith(SO_FAR) else ""
+        return line if line.endswith(SO_FAR) or line.startswith(REMARK) else ""
 
     def look(self) -> bool:
         """Read what has been stored since; whether there is a state to show."""

@@ -1,4 +1,4 @@
-"""A server that gives one page, and a websocket to it, to this machine's browsers alone."""
+"""A server that gives a page, and a websocket to it, to this machine's browsers alone."""
 
 import logging
 import socket
@@ -10,7 +10,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
-from pdvol.errors import InputError
+from pdvol.errors import InputError, PdvolError
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 PORTS_TRIED = 100  # from the wanted one on
@@ -25,7 +25,7 @@ class LocalServer:
     ----------
     host : address to listen on
     port : wanted; the next free one is taken where it is in use
-    page : the HTML that `/` has
+    page : the HTML of a path; None where there is none
     talk : what a websocket is served by, in a thread of its own; it ends soon after `stop`
 
     Raises
@@ -34,8 +34,10 @@ class LocalServer:
         The machine has no such address.
     """
 
-    def __init__(self, host: str, port: int, page: str, talk: Callable[[ServerConnection], None]):
-        self._host, self._page = host, page.encode()
+    def __init__(
+        self, host: str, port: int, page: Callable[[str], str | None], talk: Callable[[ServerConnection], None]
+    ):
+        self._host, self._page = host, page
         listening = _listening(host, port)
         self.port = listening.getsockname()[1]
         errors = logging.Logger("pdvol.live", logging.ERROR)
@@ -75,10 +77,14 @@ class LocalServer:
             return connection.respond(403, "this page belongs to another server\n")
         if request.path == "/socket":
             return None
-        if request.path != "/":
-            return connection.respond(404, "there is one page: /\n")
-        headers = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(self._page))}
-        return Response(200, "OK", Headers({**headers, "Cache-Control": "no-store", "Connection": "close"}), self._page)
+        try:
+            page = (self._page(request.path) or "").encode()
+        except PdvolError as error:
+            return connection.respond(404, f"{error}\n")
+        if not page:
+            return connection.respond(404, "there is no such page\n")
+        headers = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(page))}
+        return Response(200, "OK", Headers({**headers, "Cache-Control": "no-store", "Connection": "close"}), page)
 
 
 def _listening(host: str, port: int) -> socket.socket:

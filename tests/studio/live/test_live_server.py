@@ -20,7 +20,7 @@ PAGE = "<html>a page</html>" + "x" * 1_000_000
 
 @pytest.fixture(scope="module")
 def server():
-    made = LocalServer("127.0.0.1", 0, PAGE, lambda browser: browser.send("welcome"))
+    made = LocalServer("127.0.0.1", 0, {"/": PAGE}.get, lambda browser: browser.send("welcome"))
     yield made
     made.stop()
 
@@ -74,7 +74,7 @@ def test_it_listens_on_this_machine_alone(server):
 
 
 def test_a_port_in_use_is_followed_by_the_next_free_one(server):
-    other = LocalServer("127.0.0.1", server.port, PAGE, lambda browser: None)
+    other = LocalServer("127.0.0.1", server.port, {}.get, lambda browser: None)
     try:
         assert server.port < other.port < server.port + 100
     finally:
@@ -83,4 +83,4 @@ def test_a_port_in_use_is_followed_by_the_next_free_one(server):
 
 def test_an_address_of_another_machine_is_a_mistake():
     with pytest.raises(InputError, match="cannot listen"):
-        LocalServer("192.0.2.1", 0, PAGE, lambda browser: None)
+        LocalServer("192.0.2.1", 0, {}.get, lambda browser: None)

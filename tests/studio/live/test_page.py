@@ -24,7 +24,9 @@ def asked(solid_run):
     def keep(name):
         raise InputError(f"{name!r}\nis taken")
 
-    session = SimpleNamespace(shown=run, change=lambda values, **wait: changes.append((values, wait)), keep=keep)
+    session = SimpleNamespace(
+        shown=run, change=lambda values, **wait: changes.append((values, wait)), keep=keep, playing=None
+    )
     page = Page(session, [Control("young", "slider", 1.0, 0.5, 2.0, 0.1), Control("label", "text", "x")], 2, "test")
 
     def ask(message):

@@ -137,8 +137,9 @@ class Shown {
       const at = loop.map((i) => new THREE.Vector2(first[4 * i] * obstacle.span[0], first[4 * i + 1] * obstacle.span[1]));
       return THREE.ShapeUtils.triangulateShape(at, []).flat().map((corner) => loop[corner]);
     });
+    obstacle.triangles = new Uint32Array(triangles);
     if (triangles.length) {
-      added(this.scene, new THREE.Mesh(moving.geometry(new Uint32Array(triangles)), surfaceMaterial(moving, { byField })), 3);
+      added(this.scene, new THREE.Mesh(moving.geometry(obstacle.triangles), surfaceMaterial(moving, { byField })), 3);
     }
     const edges = moving.geometry(this.arrays[obstacle.edges].values);
     added(this.scene, new THREE.LineSegments(edges, surfaceMaterial(moving, { byField, darker: 0.55 })), 4);

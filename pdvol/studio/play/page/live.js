@@ -21,7 +21,7 @@ class LiveShown extends Shown {
     for (const part of pane.obstacles.filter((obstacle) => obstacle.moving)) parts.push([part.kind === "plane" ? null : following(part), part]);
     for (const part of [pane, ...pane.obstacles]) Object.assign(part, { low: [0, 0, 0], span: [1, 1, 1] });
     super(pane, arrays);
-    this.coming = parts;
+    Object.assign(this, { coming: parts, at: 0, samples: new Map() });
   }
   get held() { return this.coming[0][0].held; }
   add(step, rows) {
@@ -35,7 +35,19 @@ class LiveShown extends Shown {
     for (const moving of this.moving) if (moving.state === step - 1) moving.state = -1;
   }
   forget() { for (const [states] of this.coming) if (states) states.held = new Map([[0, states.held.get(0)]]); }
-  positionAt(position) { return position; }
+  positionAt() { return this.at; }
+  // What a hand can meet, as it is shown: triangles, and of bodies also their places at rest.
+  touchable() {
+    const { pane, arrays } = this, rowsOf = ({ positions }) => arrays[positions].at(Math.min(Math.floor(this.at), arrays[positions].states - 1));
+    const [faces, bodies, rest] = [pane.faces, pane.bodies, pane.rest].map((number) => arrays[number].values);
+    const supported = new Map(pane.supports.flatMap(({ name, vertices }) => vertices.map((vertex) => [vertex, name])));
+    const parts = [{ rows: rowsOf(pane), faces, bodies, rest, names: pane.names, supported }];
+    for (const one of pane.obstacles) {
+      if (one.kind === "plane" || (one.opacity < 1 && !one.movable)) continue;
+      parts.push({ rows: rowsOf(one), faces: one.triangles || arrays[one.faces].values, name: one.name, movable: one.movable });
+    }
+    return parts;
+  }
   dispose() {
     this.scene.traverse((object) => { if (object.geometry) { object.geometry.dispose(); object.material.dispose(); } });
   }
@@ -46,10 +58,11 @@ class Live {
     Object.assign(this, { status: {}, run: 0, levels: new Map(), asked: new Set(), view: null, drawn: "", waiting: false });
     Object.assign(this, { position: 0, follows: true, plays: false, last: 0, frames: 0 });
     this.rows = DATA.controls.map((control) => this.field(control));
+    this.hand = new Hand(this);
     this.listen();
     this.socket = new WebSocket(`ws://${location.host}/socket`);
     this.socket.binaryType = "arraybuffer";
-    this.socket.onmessage = ({ data }) => (typeof data === "string" ? this.hear(JSON.parse(data)) : this.take(data));
+    this.socket.onmessage = ({ data }) => (typeof data === "string" ? this.hear(JSON.parse(data)) : this.receive(data));
     this.socket.onclose = () => this.say("The server has ended.");
   }
   ask(what, more = {}) { if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ do: what, ...more })); }
@@ -65,16 +78,38 @@ class Live {
   }
   follow(status) {
     this.status = status;
-    $("lines").replaceChildren(...status.lines.map(([className, textContent]) => element("p", { className, textContent })));
-    $("pause").textContent = status.paused ? "Go on computing" : "Pause computing";
-    for (const row of this.rows) if (!row.contains(document.activeElement)) row.show(status.values[row.name]);
+    this.news = true;
     if (status.run && status.run !== this.run) {
       for (const [level, shown] of this.levels) if (shown && shown !== this.shown) shown.dispose();
       Object.assign(this, { run: status.run, levels: new Map(), follows: true, plays: false, position: status.begin });
       this.asked.clear();
     }
-    if (status.run) for (const input of [$("scrubber"), $("step")]) input.max = status.steps;
+    const shown = status.run && this.levels.get(this.levelAt(this.newest));
+    if (shown && this.follows) this.want(shown, this.levelAt(this.newest), this.newest, this.newest);  // the frame comes later
     this.redraw();
+  }
+  write() {  // what the status says
+    const { lines, paused, playing, mine, free, values, takes, run, states } = this.status;
+    this.news = false;
+    $("lines").replaceChildren(...lines.map(([className, textContent]) => element("p", { className, textContent })));
+    $("pause").textContent = paused ? "Go on computing" : "Pause computing";
+    $("pause").disabled = playing;
+    $("hand").textContent = playing ? "End the take" : "Play by hand";
+    $("hand").disabled = playing && !mine && !free;
+    $("hint").textContent = !playing ? "" : mine || free ? "press on a body and drag it; Shift or the wheel for depth" : "another page has the hand";
+    for (const row of this.rows) if (!row.contains(document.activeElement)) row.show(values[row.name]);
+    if (run) for (const input of [$("scrubber"), $("step")]) input.max = playing ? states[0] - 1 : this.status.steps;
+    const told = JSON.stringify([takes, run]);
+    if (told !== this.told) $("takes").replaceChildren(...takes.map((take) => this.take(take)));
+    this.told = told;
+    $("taken").hidden = !takes.length;
+  }
+  take({ number, name, words }) {
+    const ask = (what) => () => { this.say(""); this.ask(what, { number }); };
+    const shows = element("button", { type: "button", textContent: name, title: "show it", onclick: ask("show") });
+    shows.setAttribute("aria-pressed", number === this.status.run);
+    return element("p", { className: "row" }, shows, element("span", { textContent: words }), element("span", { className: "space" }),
+      element("button", { type: "button", textContent: "Refine", title: `compute the finer levels of ${name}`, onclick: ask("refine") }));
   }
   async build({ run, level, pane, chunks, texts, camera }) {
     const arrays = await unpacked(chunks, (number) => texts[number]);
@@ -91,11 +126,12 @@ class Live {
     }
     this.redraw();
   }
-  take(data) {
-    const [run, level, step] = new Int32Array(data, 0, 3), shown = this.levels.get(level);
+  receive(data) {
+    const [run, level, step, sample] = new Int32Array(data, 0, 4), shown = this.levels.get(level);
     this.asked.delete(`${level} ${step}`);
     if (run !== this.run || !shown) return;
     shown.add(step, new Float32Array(data, 16));
+    if (sample) shown.samples.set(step, sample);
     this.redraw();
   }
 
@@ -142,31 +178,57 @@ class Live {
   }
   frame(now) {
     this.waiting = false;
+    if (this.news) this.write();
     if (!this.status.run) return;
     this.advance(now);
-    const step = this.step(), level = this.levelAt(step), shown = this.levels.get(level);
+    const step = this.step(), level = this.levelAt(step), finer = $("beside").checked ? this.finerThan(level) : 0;
+    const last = finer && Math.min(step, this.status.states[finer] - 1);
+    const shown = this.ready(level, step), beside = finer ? this.ready(finer, last) : null;
+    if (shown) this.show(shown, step, level, beside ? `, beside it level ${finer} at step ${last}` : "");
+    if (this.shown && this.view) {
+      this.put(beside ? [this.shown, beside] : [this.shown]);
+      this.view.draw();
+      if (shown && shown.samples.has(step)) this.hand.seen(shown.samples.get(step));
+    }
+    this.frames++;
+    if (this.plays) this.redraw();
+  }
+  put(panes) {
+    const changed = panes.length !== this.view.shown.length;
+    this.view.shown = panes;
+    if (changed) this.view.resize();
+  }
+  finerThan(level) {  // that has begun
+    const { states } = this.status;
+    return level + 1 < states.length && states[level + 1] > 0 ? level + 1 : 0;
+  }
+  // A level that can be drawn at a step, or null; what it lacks is asked for.
+  ready(level, step) {
+    const shown = this.levels.get(level);
     if (shown === undefined) {
       this.levels.set(level, null);  // it is asked for once
       this.ask("scene", { run: this.run, level });
     }
-    if (shown) {
-      const wanted = [];
-      for (let s = step; s <= step + (this.plays ? AHEAD : 0) && s < this.status.states[level]; s++) {
-        const key = `${level} ${s}`;
-        if (!shown.held.has(s) && !this.asked.has(key)) { this.asked.add(key); wanted.push(s); }
-      }
-      if (wanted.length) this.ask("states", { run: this.run, level, steps: wanted });
-      if (shown.held.has(step)) this.show(shown, step, level);
-    }
-    if (this.shown) this.view.draw(this.at);
-    this.frames++;
-    if (this.plays) this.redraw();
+    if (!shown) return null;
+    this.want(shown, level, step, step + (this.plays ? AHEAD : 0));
+    if (!shown.held.has(step)) return null;
+    shown.at = this.plays && step === this.step() && shown.held.has(step + 1) ? Math.min(this.position, this.newest) : step;
+    return shown;
   }
-  show(shown, step, level) {
+  want(shown, level, from, to) {
+    const steps = [];
+    for (let step = from; step <= to && step < this.status.states[level]; step++) {
+      const key = `${level} ${step}`;
+      if (!shown.held.has(step) && !this.asked.has(key)) { this.asked.add(key); steps.push(step); }
+    }
+    if (steps.length) this.ask("states", { run: this.run, level, steps });
+  }
+  show(shown, step, level, more) {
     if (this.shown && this.shown !== shown && ![...this.levels.values()].includes(this.shown)) this.shown.dispose();
-    this.shown = this.view.shown[0] = shown;
-    this.at = this.plays && shown.held.has(step + 1) ? Math.min(this.position, this.newest) : step;
-    $("moment").textContent = `step ${step}, ${(step * this.status.dt).toFixed(2)} s, level ${level}`;
+    this.shown = shown;
+    const { factor, dt, playing } = this.status, { delay } = this.hand;
+    const speed = playing ? `, real-time factor ${factor}${delay ? `, ${Math.round(delay)} ms from hand to picture` : ""}` : "";
+    $("moment").textContent = `step ${step}, ${(step * dt).toFixed(2)} s, level ${level}${more}${speed}`;
     for (const input of [$("scrubber"), $("step")]) if (input !== document.activeElement || this.plays || this.follows) input.value = step;
     $("play").textContent = this.plays || this.follows ? "Stop" : "Play";
   }
@@ -204,11 +266,12 @@ class Live {
     on("pause", () => this.ask(this.status.paused ? "resume" : "pause"));
     on("branch", () => this.ask("branch", { step: this.step() }));
     on("reset", () => this.ask("reset"));
+    on("hand", () => (this.status.playing ? this.ask("end_take") : this.ask("play", { step: this.step() })));
     on("keep", () => this.ask("keep", { name: $("name").value }));
     on("fit", () => this.ask("fit"));
     $("scrubber").oninput = () => this.choose(Number($("scrubber").value));
     $("step").onchange = () => this.choose(Math.round(Number($("step").value)));
-    $("level").onchange = () => this.redraw();
+    $("level").onchange = $("beside").onchange = () => this.redraw();
     $("drawn").onchange = () => { for (const shown of this.levels.values()) if (shown) shown.drawAs($("drawn").value); this.redraw(); };
     const keys = { " ": "play", Home: "start", ArrowLeft: "back", ArrowRight: "forward", End: "newest" };
     document.addEventListener("keydown", (event) => {
