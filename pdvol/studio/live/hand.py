@@ -11,7 +11,7 @@ import numpy as np
 from pdvol.errors import InputError
 
 REMARK = "hand: "  # how a run's line about a hand that it cannot follow begins
-MOST_PULLS = 10  # fingers
+MOST_FINGERS = 10  # fingers
 REMEMBERED = 2000  # points of pulls, whose steps may still come
 
 
@@ -42,8 +42,8 @@ class Hand:
         InputError
             A number is not finite, or something is missing.
         """
-        if len(pulls) > MOST_PULLS:
-            raise InputError(f"a hand has {MOST_PULLS} fingers, not {len(pulls)}")
+        if len(pulls) > MOST_FINGERS:
+            raise InputError(f"a hand has {MOST_FINGERS} fingers, not {len(pulls)}")
         held = []
         for one in pulls:
             place, point = _point(one["place"]), _point(one["point"])

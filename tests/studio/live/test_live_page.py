@@ -1,24 +1,18 @@
 """The live page in a browser, over scenes so small that the page is what is tested."""
 
-import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import threading
 import time
 
 import pytest
 
 import runs
 from browser import busy, difference
-from cli_scenes import DROP, FALL, write
+from cli_scenes import DROP, FALL
+from live_page import PATIENCE_OF_TESTS, Live, shows
 from sockets import listening_addresses
 
 STEPS = 12
 DONE = f"level 1: {STEPS} of {STEPS} steps"
-PATIENCE_OF_TESTS = 120.0  # seconds for one thing to appear on a busy machine
 WINDOW = {"width": 820, "height": 520}  # pixels: software draws it
 SETTLED = 500  # milliseconds after which a change is drawn
 WATCH_LEVELS = r"""() => {
@@ -32,35 +26,6 @@ WATCH_LEVELS = r"""() => {
 """Notes each level that is shown of run 2, once for each change."""
 
 
-class Live:
-    """`pdvol live` as a process."""
-
-    def __init__(self, folder, scene, *words):
-        self.folder = folder
-        write(folder / "fall.py", scene)
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "pdvol", "live", folder / "fall.py", "--port", "0", "-o", folder / "kept", *words],
-            stderr=subprocess.PIPE,
-            text=True,
-            env=os.environ | {"TMPDIR": str(folder)},
-        )
-        guard = threading.Timer(PATIENCE_OF_TESTS, self.process.kill)
-        guard.start()
-        found = (re.search(r"http://127\.0\.0\.1:\d+", line) for line in self.process.stderr)
-        address = next(filter(None, found), None)
-        guard.cancel()
-        assert address, "the server ended"
-        self.address = address[0]
-
-    def end(self):
-        """Its exit code and what it said, after Ctrl-C."""
-        self.process.send_signal(signal.SIGINT)
-        try:
-            return self.process.communicate(timeout=PATIENCE_OF_TESTS)[1], self.process.returncode
-        finally:
-            self.process.kill()
-
-
 @pytest.fixture(params=[FALL])
 def live(tmp_path, request):
     ranges = ("--vary", "young=5e3:5e4", "--vary", "height=0.01:1.0")
@@ -68,11 +33,6 @@ def live(tmp_path, request):
     yield made
     made.process.kill()
     made.process.wait()
-
-
-def shows(tab, text, gone=False):
-    """Wait until the page has this text, or has it no more."""
-    tab.until(f"document.body.innerText.includes({json.dumps(text)}) !== {json.dumps(gone)}")
 
 
 def drawing(tab):

@@ -8,7 +8,7 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
-from pdvol.studio.live.hand import MOST_PULLS, Hand
+from pdvol.studio.live.hand import MOST_FINGERS, Hand
 from pdvol.studio.live.session import MOST_RUNS, Session
 
 PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
@@ -126,7 +126,7 @@ WRONG = [
     [{"number": 1, "body": "square", "place": [0.0, float("nan")], "point": [0.0, 0.0]}],
     [{"number": 1, "body": "square", "place": [0.0, 1.0], "point": [float("inf"), 0.0]}],
     [{"number": 1, "body": "square", "place": [0.0], "point": [0.0, 0.0]}],
-    [{"number": 1, "body": "square", "place": [0.0, 1.0], "point": [0.0, 0.0]}] * (MOST_PULLS + 1),
+    [{"number": 1, "body": "square", "place": [0.0, 1.0], "point": [0.0, 0.0]}] * (MOST_FINGERS + 1),
     [3],
 ]
 

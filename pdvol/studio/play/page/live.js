@@ -77,8 +77,9 @@ class Live {
     if (message.done === "keep") $("name").value = nextName($("name").value);
   }
   follow(status) {
-    this.status = status;
-    this.news = true;
+    const ended = this.status.playing && !status.playing;
+    Object.assign(this, { status, news: true });
+    if (ended) Object.assign(this, { follows: false, plays: false, position: this.newest });  // a take's end stays
     if (status.run && status.run !== this.run) {
       for (const [level, shown] of this.levels) if (shown && shown !== this.shown) shown.dispose();
       Object.assign(this, { run: status.run, levels: new Map(), follows: true, plays: false, position: status.begin });
@@ -162,7 +163,7 @@ class Live {
     this.last = now;
     if (this.follows) {
       this.position = this.newest;
-      if (this.status.ended) Object.assign(this, { follows: false, plays: true });
+      if (this.status.ended && !this.status.playing) Object.assign(this, { follows: false, plays: true });
     } else if (this.plays && this.newest > 0) {
       this.position += passed;
       if (!this.status.ended) this.position = Math.min(this.position, this.newest);
@@ -270,6 +271,7 @@ class Live {
     on("keep", () => this.ask("keep", { name: $("name").value }));
     on("fit", () => this.ask("fit"));
     $("scrubber").oninput = () => this.choose(Number($("scrubber").value));
+    $("step").onfocus = () => this.choose(this.step());
     $("step").onchange = () => this.choose(Math.round(Number($("step").value)));
     $("level").onchange = $("beside").onchange = () => this.redraw();
     $("drawn").onchange = () => { for (const shown of this.levels.values()) if (shown) shown.drawAs($("drawn").value); this.redraw(); };
