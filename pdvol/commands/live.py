@@ -6,7 +6,6 @@ import sys
 import tempfile
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from pdvol.commands.options import add_levels, add_shot, chosen_shot, level_range
@@ -74,12 +73,8 @@ def main(options: Namespace) -> None:
         session.start()
         print(f"{server.address} shows {options.scene}; Ctrl-C ends it", file=sys.stderr, flush=True)
         page.serve()
-        if page.delays:
-            print(
-                f"by hand: real-time factor {page.factor:.2g}, {median(page.delays):.0f} ms at the median from the hand"
-                f" to the picture, {len(page.delays)} samples",
-                file=sys.stderr,
-            )
+        if page.summary():
+            print(page.summary(), file=sys.stderr)
         print("ended; kept runs are in " + str(options.out) if _kept(options.out) else "ended", file=sys.stderr)
     except KeyboardInterrupt:
         print("ended", file=sys.stderr)

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
+from statistics import median
 from types import MappingProxyType
 from typing import Any
 
@@ -48,10 +49,6 @@ class Page:
     title : of the scene
     movable : as of `Frames`
 
-    Attributes
-    ----------
-    factor : the real-time factor of the take that was played last; zero before
-    delays : [ms] from an event of the hand to the first picture whose step has used it
     """
 
     def __init__(
@@ -63,8 +60,8 @@ class Page:
         movable: Mapping[str, Support | None] = MappingProxyType({}),
     ):
         self._session, self._title, self._levels, self._movable = session, title, levels, movable
-        self.factor, self._factor_at = 0.0, 0.0
-        self.delays: list[float] = []
+        self._factor, self._factor_at = 0.0, 0.0
+        self._delays: list[float] = []  # [ms] from an event of the hand to the first picture whose step has used it
         self._owner: ServerConnection | None = None  # the browser that has the hand
         self._controls = {control.name: control for control in controls}
         self._frames: dict[int, Frames] = {}  # by level, of one run
@@ -85,7 +82,7 @@ class Page:
             "end_take": lambda: session.end_take(),
             "show": lambda number: session.show(number),
             "refine": lambda number: session.refine(number),
-            "delays": lambda values: self.delays.extend(map(float, values[: MOST_DELAYS - len(self.delays)])),
+            "delays": lambda values: self._delays.extend(map(float, values[: MOST_DELAYS - len(self._delays)])),
             "go_to": lambda step: session.go_to(int(step)),
             "pause": lambda: session.pause(),
             "resume": lambda: session.resume(),
@@ -115,6 +112,16 @@ class Page:
         self._end.set()
         with self._news:
             self._news.notify_all()
+
+    def summary(self) -> str:
+        """How fast the takes were, in a line; empty where nothing was dragged."""
+        logs = [(take.stored.dt, take.stored.levels[0].log) for take in self._session.takes if take.stored]
+        if not self._delays or not logs:
+            return ""
+        spent = sum(record["seconds"]["total"] for _, log in logs for record in log)
+        speed = real_time(sum(dt * len(log) for dt, log in logs), spent)
+        delay = f"{median(self._delays):.0f} ms from the hand to the picture (median of {len(self._delays)})"
+        return f"by hand: {speed}, {delay}"
 
     def update(self) -> None:
         """Follow the session once."""
@@ -285,8 +292,8 @@ class Page:
         if run.stored is not None and now > self._factor_at + FACTOR_EVERY:
             self._factor_at, records = now, run.stored.levels[0].log[-FACTOR_STEPS:]
             spent = sum(record["seconds"]["total"] for record in records)
-            self.factor = run.stored.dt * len(records) / max(spent, 1e-9) if records else 0.0
-        return round(self.factor, 1)
+            self._factor = run.stored.dt * len(records) / max(spent, 1e-9) if records else 0.0
+        return round(self._factor, 1)
 
     def _lines(self, run: LiveRun) -> list[list[str]]:
         """A class and a line each."""

@@ -25,7 +25,7 @@ DEBOUNCE = 0.1  # seconds without a further change after which a new run begins
 LONGEST_WAIT = 0.4  # seconds after the first of many changes when a run begins all the same
 MOST_RUNS = 6  # in the temporary folder; older ones are removed
 BAD_INPUT = 2  # exit code of `pdvol` for input that no run can begin with
-INTERRUPTED = 130  # exit code of `pdvol` after an interruption: the end of a take
+STOPPED_BY_SIGNAL = 130  # exit code of `pdvol` after an interruption: the end of a take
 
 
 class Session:
@@ -254,7 +254,7 @@ class Session:
             note = f"it starts from step 0, because {last_line(run.log)}"
             self._begin(time.monotonic(), None, note, run.hand is not None)
             return
-        ended, run.played = run.played and code == INTERRUPTED, False
+        ended, run.played = run.played and code == STOPPED_BY_SIGNAL, False
         if ended and run.steps < 2:
             run.state = "stopped"
         elif code != 0 and not ended:
