@@ -44,11 +44,11 @@ class Hand:
         """
         if len(pulls) > MOST_FINGERS:
             raise InputError(f"a hand has {MOST_FINGERS} fingers, not {len(pulls)}")
-        held = []
+        held, sample = [], int(sample)
         for one in pulls:
             place, point = _point(one["place"]), _point(one["point"])
             held.append({"number": int(one["number"]), "body": str(one["body"]), "place": place, "point": point})
-            self._samples.setdefault(tuple(point), int(sample))
+            self._samples.setdefault(tuple(point), sample)
         moved = {str(name): _point(offset) for name, offset in obstacles.items()}
         while len(self._samples) > REMEMBERED:
             self._samples.pop(next(iter(self._samples)))

@@ -52,6 +52,7 @@ class LiveRun:
         self.first_state: float | None = None
         self._requested = requested
         self._run: Run | None = None
+        self._remark = ""
         self._stamp = 0
 
     @property
@@ -63,7 +64,14 @@ class LiveRun:
     def lasting(self) -> str:
         """What its command line says of a step, or a preparation, that takes long; empty where none does."""
         line = last_line(self.log) if self.running else ""
-        return line if line.endswith(SO_FAR) or line.startswith(REMARK) else ""
+        return line if line.endswith(SO_FAR) else ""
+
+    @property
+    def remark(self) -> str:
+        """What it has said last of a hand that it cannot follow."""
+        if self.played and self.running:
+            self._remark = last_line(self.log, REMARK) or self._remark
+        return self._remark
 
     def look(self) -> bool:
         """Read what has been stored since; whether there is a state to show."""

@@ -302,7 +302,7 @@ class Page:
         values = ", ".join(f"{name} {short_text(value_text(value))}" for name, value in sorted(run.values.items()))
         lines = [["title", f"run {run.number}"], ["", values], *(["", line] for line in _level_lines(run))]
         lines += [["", state if run.first_state is None else f"{state}, first state after {run.first_state:.2f} s"]]
-        lines += [["faint", run.lasting], ["faint", run.note], ["wrong", run.reason]]
+        lines += [["faint", run.lasting], ["faint", run.note], ["wrong", run.remark], ["wrong", run.reason]]
         if shown is not None:
             lines += [["faint", f"on the screen: run {shown.number}" if shown is not run else ""]]
             lines += [["faint", f"kept in {shown.kept}" if shown.kept else ""]]

@@ -137,6 +137,10 @@ def test_the_bunny_is_thrown_twice_kept_and_refined(tab, live):
     tab.until("live.status.takes[1].words.includes('levels 0 to 2')", PATIENCE_OF_TESTS)
     shows(tab, "done")
     assert tab.complaints == []
+    sheet = type(tab)(tab.page.context.browser.new_page()).open(f"{live.address}/takes")
+    sheet.until("document.body.dataset.ready === 'yes'")
+    assert sheet.page.evaluate("player.panes.map((pane) => pane.title)") == ["over_the_wall", "again"]
+    assert sheet.complaints == []
     said, code = live.end()
     assert code == 0 and "ms from the hand to the picture" in said
     for name, length in (("over_the_wall", first), ("again", second)):

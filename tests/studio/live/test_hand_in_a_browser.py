@@ -26,6 +26,7 @@ class Played(SimpleNamespace):
         stored.hand = None
         take = SimpleNamespace(number=1, stored=stored, steps=stored.levels[0].steps, branch=None, values={}, hand=hand)
         take.state, take.note, take.reason, take.lasting, take.kept, take.first_state = "running", "", "", "", None, 0.1
+        take.remark = ""
         take.running, take.level_0_ended, take.levels_with = True, False, lambda step: 1
         super().__init__(shown=take, current=take, playing=take, takes=[take], paused=False, values={})
 

@@ -10,6 +10,7 @@ from pdvol.store.reader import open_run
 from pdvol.studio.live.controls import Control
 
 pytest.importorskip("websockets", reason="the live page needs websockets (extra `live`)")
+from pdvol.studio.live.hand import Hand
 from pdvol.studio.live.page import MOST_STATES, Page
 
 WRONG = "the page has sent something else than a command"
@@ -27,13 +28,19 @@ def asked(solid_run):
     session = SimpleNamespace(
         shown=run, change=lambda values, **wait: changes.append((values, wait)), keep=keep, playing=None
     )
-    page = Page(session, [Control("young", "slider", 1.0, 0.5, 2.0, 0.1), Control("label", "text", "x")], 2, "test")
+    page = Page(
+        session,
+        [Control("young", "slider", 1.0, 0.5, 2.0, 0.1), Control("label", "text", "x")],
+        2,
+        "test",
+        {"door": None},
+    )
 
     def ask(message):
         text = message if isinstance(message, str | bytes) else json.dumps(message)
         return [one if isinstance(one, bytes) else json.loads(one) for one in page.answers(text)]
 
-    ask.changes, ask.stored = changes, stored
+    ask.changes, ask.stored, ask.page, ask.session, ask.run = changes, stored, page, session, run
     return ask
 
 
@@ -73,3 +80,58 @@ def test_what_is_no_command_is_one_line_and_changes_nothing(asked, message):
 
 def test_a_mistake_is_one_line(asked):
     assert asked({"do": "keep", "name": "a"}) == [{"message": "'a' is taken"}]
+
+
+HELD = {"number": 1, "body": "a", "place": [0.0, 0.0, 0.0], "point": [1.0, 0.0, 0.0]}
+
+
+def hand_of(asked, tmp_path):
+    """The hand of a take that the page shows as played."""
+    asked.run.hand = Hand(tmp_path / "1.hand")
+    asked.session.playing = asked.run
+    return asked.run.hand.channel
+
+
+def hand_message(pulls="[]", obstacles="{}", sample="1"):
+    return f'{{"do": "hand", "pulls": {pulls}, "obstacles": {obstacles}, "sample": {sample}}}'
+
+
+def test_a_hand_holds_what_it_is_asked_to_and_needs_a_take(asked, tmp_path):
+    assert asked(hand_message())[0]["message"].startswith("no take is played")
+    channel = hand_of(asked, tmp_path)
+    assert asked(hand_message(json.dumps([HELD]))) == [{"done": "hand"}]
+    assert json.loads(channel.read_text()) == {"pulls": [HELD], "obstacles": {}}
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        hand_message('[{"number": 1, "body": "a", "place": [NaN, 0, 0], "point": [0, 0, 0]}]'),
+        hand_message('[{"number": 1, "body": "a", "place": [0, 0, 0], "point": [1e999, 0, 0]}]'),
+        hand_message('[{"number": 1, "body": "a", "place": [0, 0, 0], "point": "here"}]'),
+        hand_message('[{"number": 1, "body": "a"}]'),
+        hand_message('[{"number": 1e999, "body": "a", "place": [0, 0, 0], "point": [0, 0, 0]}]'),
+        hand_message(json.dumps([HELD] * 1000)),
+        hand_message("3"),
+        hand_message("[3]"),
+        hand_message("[]", '{"door": [NaN, 0, 0]}'),
+        hand_message("[]", '{"wall": [0, 0, 0]}'),
+        hand_message("[]", "[3]"),
+        hand_message(sample='"x"'),
+    ],
+)
+def test_what_no_hand_does_is_one_line_and_leaves_what_it_holds(asked, tmp_path, message):
+    channel = hand_of(asked, tmp_path)
+    asked(hand_message(json.dumps([HELD])))
+    before = channel.read_text()
+    (answer,) = asked(message)
+    assert answer["message"] and "\n" not in answer["message"] and channel.read_text() == before
+
+
+def test_a_burst_of_a_hand_ends_with_the_last_point(asked, tmp_path):
+    channel = hand_of(asked, tmp_path)
+    for i in range(3000):
+        asked(hand_message(json.dumps([HELD | {"point": [float(i), 0.0, 0.0]}]), sample=str(i + 1)))
+    assert json.loads(channel.read_text())["pulls"][0]["point"][0] == 2999.0
+    assert asked.run.hand.sample_of({"pulls": [{"point": [2999.0, 0.0, 0.0]}]}) == 3000
+    assert asked.run.hand.sample_of({"pulls": [{"point": [1.0, 0.0, 0.0]}]}) == 0, "early ones are forgotten"

@@ -62,6 +62,8 @@ def end(session, take):
 
 def test_a_take_ends_when_it_is_told_to_is_refined_and_replays_to_the_last_bit(session, folder):
     take = play(session)
+    take.hand.hold([{"number": 1, "body": "nobody", "place": [0.0, 1.0], "point": [0.0, 0.0]}], {})
+    until(session, lambda: "no body 'nobody'" in take.remark)
     pull(session, take, [-0.5, 1.5])
     assert take.hand.sample_of(take.stored.hand.line(take.steps - 1)) == 7
     stored = end(session, take)

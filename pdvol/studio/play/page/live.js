@@ -87,7 +87,7 @@ class Live {
     }
     const shown = status.run && this.levels.get(this.levelAt(this.newest));
     if (shown && this.follows) this.want(shown, this.levelAt(this.newest), this.newest, this.newest);  // the frame comes later
-    this.redraw();
+    this.redraw(false);
   }
   write() {  // what the status says
     const { lines, paused, playing, mine, free, values, takes, run, states } = this.status;
@@ -133,7 +133,7 @@ class Live {
     if (run !== this.run || !shown) return;
     shown.add(step, new Float32Array(data, 16));
     if (sample) shown.samples.set(step, sample);
-    this.redraw();
+    this.redraw(false);
   }
 
   // ---- the moment
@@ -172,7 +172,8 @@ class Live {
   }
 
   // ---- drawing
-  redraw() {
+  redraw(stale = true) {
+    this.stale = this.stale || stale;
     if (this.waiting) return;
     this.waiting = true;
     requestAnimationFrame((now) => this.frame(now));
@@ -186,13 +187,15 @@ class Live {
     const last = finer && Math.min(step, this.status.states[finer] - 1);
     const shown = this.ready(level, step), beside = finer ? this.ready(finer, last) : null;
     if (shown) this.show(shown, step, level, beside ? `, beside it level ${finer} at step ${last}` : "");
-    if (this.shown && this.view) {
+    const seen = [this.run, level, shown && shown.at, finer, beside && beside.at].join();
+    if (this.shown && this.view && (this.stale || seen !== this.seen)) {  // what is the same is not drawn again
+      Object.assign(this, { seen, stale: false });
       this.put(beside ? [this.shown, beside] : [this.shown]);
       this.view.draw();
       if (shown && shown.samples.has(step)) this.hand.seen(shown.samples.get(step));
     }
     this.frames++;
-    if (this.plays) this.redraw();
+    if (this.plays) this.redraw(false);
   }
   put(panes) {
     const changed = panes.length !== this.view.shown.length;
@@ -228,7 +231,7 @@ class Live {
     if (this.shown && this.shown !== shown && ![...this.levels.values()].includes(this.shown)) this.shown.dispose();
     this.shown = shown;
     const { factor, dt, playing } = this.status, { delay } = this.hand;
-    const speed = playing ? `, real-time factor ${factor}${delay ? `, ${Math.round(delay)} ms from hand to picture` : ""}` : "";
+    const speed = playing ? `, real-time factor ${factor}${factor && factor < 1 ? ", slower than the clock" : ""}${delay ? `, ${Math.round(delay)} ms from hand to picture` : ""}` : "";
     $("moment").textContent = `step ${step}, ${(step * dt).toFixed(2)} s, level ${level}${more}${speed}`;
     for (const input of [$("scrubber"), $("step")]) if (input !== document.activeElement || this.plays || this.follows) input.value = step;
     $("play").textContent = this.plays || this.follows ? "Stop" : "Play";
