@@ -136,6 +136,8 @@ def test_the_bunny_is_thrown_twice_kept_and_refined(tab, live):
     tab.page.locator("#takes p", has_text="again").get_by_role("button", name="Refine").click()
     tab.until("live.status.takes[1].words.includes('levels 0 to 2')", PATIENCE_OF_TESTS)
     shows(tab, "done")
+    tab.page.get_by_label("coarse and fine").click()
+    tab.until("live.view.shown.length === 2 && live.levels.get(2) === live.view.shown[1]")
     assert tab.complaints == []
     sheet = type(tab)(tab.page.context.browser.new_page()).open(f"{live.address}/takes")
     sheet.until("document.body.dataset.ready === 'yes'")

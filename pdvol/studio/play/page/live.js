@@ -183,7 +183,7 @@ class Live {
     if (this.news) this.write();
     if (!this.status.run) return;
     this.advance(now);
-    const step = this.step(), level = this.levelAt(step), finer = $("beside").checked ? this.finerThan(level) : 0;
+    const step = this.step(), finer = $("beside").checked ? this.finest() : 0, level = finer ? 0 : this.levelAt(step);
     const last = finer && Math.min(step, this.status.states[finer] - 1);
     const shown = this.ready(level, step), beside = finer ? this.ready(finer, last) : null;
     if (shown) this.show(shown, step, level, beside ? `, beside it level ${finer} at step ${last}` : "");
@@ -202,9 +202,9 @@ class Live {
     this.view.shown = panes;
     if (changed) this.view.resize();
   }
-  finerThan(level) {  // that has begun
-    const { states } = this.status;
-    return level + 1 < states.length && states[level + 1] > 0 ? level + 1 : 0;
+  finest() {  // the finest level that has begun, or the chosen one
+    const begun = this.status.states.findLastIndex((states) => states > 0), wanted = $("level").value;
+    return wanted === "" ? begun : Math.min(begun, Number(wanted));
   }
   // A level that can be drawn at a step, or null; what it lacks is asked for.
   ready(level, step) {
