@@ -293,8 +293,10 @@ class Session:
                 self.current.worker.resume()
 
     def _remove_old(self) -> None:
-        kept = (self.current, self.shown, *self.takes)
-        for run in [run for run in self._runs[:-MOST_RUNS] if run not in kept]:
+        kept = (self.current, self.shown)
+        for run in [run for run in self._runs if run.hand is None][:-MOST_RUNS]:
+            if run in kept:
+                continue
             self._runs.remove(run)
             shutil.rmtree(run.folder, ignore_errors=True)
             run.log.unlink(missing_ok=True)

@@ -100,6 +100,48 @@ def test_a_body_is_pressed_dragged_and_let_go(tab, played):
     assert tab.complaints == []
 
 
+def test_the_wheel_and_shift_are_for_depth(tab, played):
+    tab.open(played.server.address)
+    tab.until("window.live && live.shown")
+    now, *_ = nearest_facet(played.stored)
+    if len(now) == 2:
+        pytest.skip("a plane has no depth")
+    x, y = on_screen(tab, now)
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    (pull,) = played.held(lambda pulls: pulls)
+    before = pull["point"]
+    towards = np.array(tab.page.evaluate("live.view.camera.getWorldDirection(new THREE.Vector3()).negate().toArray()"))
+    tab.page.mouse.wheel(0, 120)
+    (pull,) = played.held(lambda pulls: pulls[0]["point"] != before)
+    way = np.subtract(pull["point"], before)
+    np.testing.assert_allclose(way, (way @ towards) * towards, atol=1e-9)
+    assert way @ towards > 0.0, "nearer"
+    tab.page.keyboard.down("Shift")
+    tab.page.mouse.move(x, y - 50)
+    (pull,) = played.held(lambda pulls: not np.allclose(pulls[0]["point"], np.add(before, way)))
+    further = np.subtract(pull["point"], before) - way
+    np.testing.assert_allclose(further, (further @ towards) * towards, atol=1e-9)
+    assert further @ towards < 0.0, "up is away"
+
+
+def test_a_finger_holds_as_a_mouse_does(tab, played):
+    tab.open(played.server.address)
+    tab.until("window.live && live.shown")
+    now, _, body = nearest_facet(played.stored)
+    x, y = on_screen(tab, now)
+    fingers = tab.page.context.new_cdp_session(tab.page)
+    touch = lambda kind, *points: fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [*points]})
+    touch("touchStart", {"x": x, "y": y})
+    (pull,) = played.held(lambda pulls: pulls)
+    assert pull["body"] == body
+    touch("touchMove", {"x": x + 30, "y": y})
+    played.held(lambda pulls: pulls[0]["point"][0] > pull["point"][0])
+    touch("touchEnd")
+    played.held(lambda pulls: not pulls)
+    assert tab.complaints == []
+
+
 def test_a_page_that_closes_lets_go_and_another_watches(tab, played):
     tab.open(played.server.address)
     tab.until("window.live && live.shown")
