@@ -2,6 +2,10 @@
 "use strict";
 
 const AHEAD = 8;  // steps that are asked for before they are played
+const TEXTS = 150;  // ms between changes of the page's words while a hand plays: each costs as much as a picture
+const CHECKED = 16;  // pictures of a take from one whose time is taken to the next
+const SLOW = 8;  // ms of a picture from which on a take is drawn with fewer pixels, and not at each chance
+const SLOW_WAIT = 30;  // ms between such pictures
 const MOST_BYTES = 4e8;  // of places of a level in the page; beyond it they are asked for anew
 
 // Positions of one part, of the steps that have come. Neighbours stand in for others.
@@ -55,7 +59,7 @@ class LiveShown extends Shown {
 
 class Live {
   constructor() {
-    Object.assign(this, { status: {}, run: 0, levels: new Map(), asked: new Set(), view: null, drawn: "", waiting: false });
+    Object.assign(this, { status: {}, run: 0, levels: new Map(), asked: new Set(), view: null, waiting: false, spoke: 0, drew: 0 });
     Object.assign(this, { position: 0, follows: true, plays: false, last: 0, frames: 0 });
     this.rows = DATA.controls.map((control) => this.field(control));
     this.hand = new Hand(this);
@@ -143,6 +147,12 @@ class Live {
     const finest = (without < 0 ? this.status.states.length : without) - 1;
     return Math.max(0, wanted === "" ? finest : Math.min(finest, Number(wanted)));
   }
+  newestHeld() {  // of the level that is followed: later ones are on their way
+    const shown = this.levels.get(this.levelAt(this.newest));
+    let step = this.newest;
+    while (shown && step > this.status.begin && !shown.held.has(step)) step--;
+    return step;
+  }
   choose(step, follows = false) {
     Object.assign(this, { position: Math.min(Math.max(step, 0), this.newest), follows, plays: false });
     this.redraw();
@@ -162,7 +172,7 @@ class Live {
     const passed = this.last ? (now - this.last) / 1000 / this.status.dt : 0;
     this.last = now;
     if (this.follows) {
-      this.position = this.newest;
+      this.position = this.newestHeld();
       if (this.status.ended && !this.status.playing) Object.assign(this, { follows: false, plays: true });
     } else if (this.plays && this.newest > 0) {
       this.position += passed;
@@ -180,18 +190,23 @@ class Live {
   }
   frame(now) {
     this.waiting = false;
-    if (this.news) this.write();
+    const { playing } = this.status, speaks = !playing || now > this.spoke + TEXTS;
+    if (speaks) this.spoke = now;
+    if (this.news && speaks) this.write();
     if (!this.status.run) return;
+    if (this.view && !playing) this.view.setQuality(1);
+    if (this.view && this.view.quality < 1 && now < this.drew + SLOW_WAIT) return void this.redraw(false);
     this.advance(now);
     const step = this.step(), finer = $("beside").checked ? this.finest() : 0, level = finer ? 0 : this.levelAt(step);
     const last = finer && Math.min(step, this.status.states[finer] - 1);
     const shown = this.ready(level, step), beside = finer ? this.ready(finer, last) : null;
-    if (shown) this.show(shown, step, level, beside ? `, beside it level ${finer} at step ${last}` : "");
+    if (shown) this.show(shown, step, level, beside ? `, beside it level ${finer} at step ${last}` : "", speaks);
     const seen = [this.run, level, shown && shown.at, finer, beside && beside.at].join();
     if (this.shown && this.view && (this.stale || seen !== this.seen)) {  // what is the same is not drawn again
-      Object.assign(this, { seen, stale: false });
+      Object.assign(this, { seen, stale: false, drew: now });
       this.put(beside ? [this.shown, beside] : [this.shown]);
       this.view.draw();
+      if (playing && this.frames % CHECKED === 0 && this.view.timed() > SLOW) this.view.setQuality(0.5);
       if (shown && shown.samples.has(step)) this.hand.seen(shown.samples.get(step));
     }
     this.frames++;
@@ -227,9 +242,10 @@ class Live {
     }
     if (steps.length) this.ask("states", { run: this.run, level, steps });
   }
-  show(shown, step, level, more) {
+  show(shown, step, level, more, speaks) {
     if (this.shown && this.shown !== shown && ![...this.levels.values()].includes(this.shown)) this.shown.dispose();
     this.shown = shown;
+    if (!speaks) return;
     const { factor, dt, playing } = this.status, { delay } = this.hand;
     const speed = playing ? `, real-time factor ${factor}${factor && factor < 1 ? ", slower than the clock" : ""}${delay ? `, ${Math.round(delay)} ms from hand to picture` : ""}` : "";
     $("moment").textContent = `step ${step}, ${(step * dt).toFixed(2)} s, level ${level}${more}${speed}`;
