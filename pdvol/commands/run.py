@@ -67,7 +67,7 @@ def main(options: Namespace) -> None:
     name = shot.name if options.method == "progressive" else f"{shot.name}_{options.method}"
     out = options.out or Path("runs") / name
     if options.hand_from is not None:
-        from pdvol.runs.hand import played
+        from pdvol.studio.live.player import played
 
         if options.hand is not None or options.method != "progressive" or first > 0:
             raise InputError("--hand-from plays level 0 of a progressive run; leave out --hand and --method")

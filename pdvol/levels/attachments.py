@@ -165,23 +165,11 @@ def bound_springs(springs: Springs, mesh: LevelMesh, start: np.ndarray) -> tuple
     return (BoundSprings(points, weights, springs.stiffness, rest, springs.strength),)
 
 
-@dataclass(frozen=True, eq=False)
-class BoundPull:
-    """A pull on a level: its vector leads from its point to the sum of weights times positions of points.
-
-    Attributes
-    ----------
-    points, weights : (m,) int64 and their shares of the patch, which sum to one
-    stiffness : [N/m], where the vector is short
-    most : [N], the force where it is long
-    damping : [s]: time in which the damper is as strong as the spring; the pull of a rigid body is damped critically
-    """
-
-    points: np.ndarray
-    weights: np.ndarray
-    stiffness: float
-    most: float
-    damping: float
+BoundPull = tuple[np.ndarray, np.ndarray, tuple[float, float, float]]
+"""A pull on a level: the points (m,) of its patch, their shares (m,), whose sum is one, and the law of its spring:
+stiffness k [N/m], the length [m] at which the force k times that length is nearly its bound, and the time [s] in which
+the damper is as strong as the spring.
+"""
 
 
 class Pulls:
@@ -199,17 +187,15 @@ class Pulls:
 
     def acting(self, t0: float, t1: float) -> dict[Any, Pull]:
         """Those that act in a step or a part of one, from t0 to t1 [s], by what tells them apart."""
-        dt, dim = self._scene.dt, self._mesh.dim
+        dt = self._scene.dt
         found: dict[Any, Pull] = {i: pull for i, pull in enumerate(self._scene.pulls) if pull.acts(t0, t1)}
         if self.hand is not None:
             step = int(np.ceil(t1 / dt - 1e-6))
             before = {each["number"]: each["point"] for each in self.hand.line(step - 1)["pulls"]}
             for each in self.hand.line(step)["pulls"]:
-                keys = before.get(each["number"], each["point"]), each["point"]
-                times = (step - 1) * dt, step * dt
+                grip, last = each.get("grip", np.zeros(self._mesh.dim)), before.get(each["number"], each["point"])
+                keys, times = [np.add(point, grip) for point in (last, each["point"])], ((step - 1) * dt, step * dt)
                 found["hand", each["number"]] = Pull(each["body"], each["place"], times, keys, each.get("stiffness"))
-        for pull in found.values():
-            require(len(pull.where) == dim, f"Pull.where = {pull.where} has {len(pull.where)} components, not {dim}")
         return found
 
     def change(self, step: int) -> bool:
@@ -255,4 +241,5 @@ class Pulls:
         points, rows = np.unique(self._mesh.cells[cells], return_inverse=True)
         shares = np.bincount(rows.ravel(), weights.ravel())
         kept = shares > 0.0
-        return BoundPull(points[kept], shares[kept], stiffness, most, 2.0 * np.sqrt(mass / stiffness))
+        damping = 2.0 * float(np.sqrt(mass / stiffness))  # critical of a rigid body
+        return points[kept], shares[kept], (stiffness, most / stiffness, damping)

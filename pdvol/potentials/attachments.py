@@ -23,7 +23,7 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
 
-class Springs(Term):
+class SpringTerm(Term):
     """Springs of a level, whose vectors are sums of weights times positions; derived classes have their law."""
 
     def __init__(self, space: LevelSpace, points: np.ndarray, weights: np.ndarray):
@@ -56,23 +56,22 @@ class Springs(Term):
         lengths = np.linalg.norm(along, axis=1)
         return lengths, along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
 
-    def _pull(self, lengths: np.ndarray) -> np.ndarray:
-        """f (k,) [N]."""
+    def _law(self, lengths: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        """E [J]; of each spring f [N], f' [N/m] and c, (k,)."""
         raise NotImplementedError
 
-    def _stiffnesses(self, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """f' (k,) [N/m], and c (k,)."""
-        raise NotImplementedError
+    def value(self, x: Positions) -> float:
+        return self._law(self._lengths(x)[0])[0]
 
     def gradient(self, x: Positions) -> np.ndarray:
         lengths, n = self._lengths(x)
-        return self.space.from_input(self._ends.T @ (self._pull(lengths)[:, None] * n))
+        return self.space.from_input(self._ends.T @ (self._law(lengths)[1][:, None] * n))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not len(self._points):
             return
         lengths, n = self._lengths(x)
-        d, (along, across) = self.space.dim, self._stiffnesses(lengths)
+        d, (_, _, along, across) = self.space.dim, self._law(lengths)
         if into.projection != "none":
             across = np.abs(across) if into.projection == "abs" else np.maximum(across, 0.0)
         middle = across[:, None, None] * np.eye(d) + (1.0 - across)[:, None, None] * n[:, :, None] * n[:, None, :]
@@ -81,7 +80,7 @@ class Springs(Term):
         into.add_pairs(self._rows, self._columns, np.ascontiguousarray(blocks.reshape(-1, d, d)))
 
 
-class Attachments(Springs):
+class Attachments(SpringTerm):
     """All springs between bodies of a level.
 
     Parameters
@@ -111,27 +110,17 @@ class Attachments(Springs):
 
     def end_step(self, x: Positions) -> None:
         lengths, _ = self._lengths(x)
-        self.broken |= self._stiffness * (lengths - self.springs.rest_length) > self.springs.strength
+        self.broken |= self._law(lengths)[1] > self.springs.strength
 
-    @property
-    def _stiffness(self) -> np.ndarray:
-        return np.where(self.broken, 0.0, self.springs.stiffness)
-
-    def value(self, x: Positions) -> float:
-        lengths, _ = self._lengths(x)
-        return float(0.5 * self._stiffness @ (lengths - self.springs.rest_length) ** 2)
-
-    def _pull(self, lengths: np.ndarray) -> np.ndarray:
-        return self._stiffness * (lengths - self.springs.rest_length)
-
-    def _stiffnesses(self, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rest = self.springs.rest_length
+    def _law(self, lengths: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        rest, stiffness = self.springs.rest_length, np.where(self.broken, 0.0, self.springs.stiffness)
         across = 1.0 - np.divide(rest, lengths, out=np.ones_like(rest), where=lengths > 0.0)
         across[(lengths == 0.0) & (rest == 0.0)] = 1.0
-        return self._stiffness, across
+        energy = float(0.5 * stiffness @ (lengths - rest) ** 2)
+        return energy, stiffness * (lengths - rest), stiffness, across
 
 
-class Pulling(Springs):
+class Pulling(SpringTerm):
     """The pulls of a level, those that act in the present span. Where none does, it adds nothing.
 
     Parameters
@@ -149,13 +138,13 @@ class Pulling(Springs):
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         acting = list(self._pulls.acting(t0, t1).values())
         bound = [self._pulls.bound(pull) for pull in acting]
-        size = max((len(each.points) for each in bound), default=1)
+        size = max((len(weights) for _, weights, _ in bound), default=1)
         points, weights = np.zeros((len(bound), size), dtype=int), np.zeros((len(bound), size))
-        for i, each in enumerate(bound):
-            points[i], weights[i, : len(each.weights)] = np.resize(each.points, size), each.weights
+        for i, (its, shares, _) in enumerate(bound):
+            points[i], weights[i, : len(shares)] = np.resize(its, size), shares
         self._connect(points, weights)
-        law = [(each.stiffness, each.most / each.stiffness, each.damping / (t1 - t0)) for each in bound]
-        self._k, self._s, self._share = np.array(law).reshape(-1, 3).T
+        self._k, self._s, damping = np.array([law for _, _, law in bound]).reshape(-1, 3).T
+        self._share = damping / (t1 - t0)
         begin, self._point = (np.array([p.at(t) for p in acting]).reshape(-1, self.space.dim) for t in (t0, t1))
         self._start = self._from(x_t, begin) if acting else begin
 
@@ -163,16 +152,7 @@ class Pulling(Springs):
         now = self._from(x, self._point) if len(self._point) else self._point
         return now + self._share[:, None] * (now - self._start)
 
-    def _root(self, lengths: np.ndarray) -> np.ndarray:
-        return np.hypot(1.0, lengths / self._s)
-
-    def value(self, x: Positions) -> float:
-        lengths, _ = self._lengths(x)
-        return float(self._k * lengths / (1.0 + self._share) @ (lengths / (1.0 + self._root(lengths))))
-
-    def _pull(self, lengths: np.ndarray) -> np.ndarray:
-        return self._k * lengths / self._root(lengths)
-
-    def _stiffnesses(self, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        root = self._root(lengths)
-        return (1.0 + self._share) * self._k / root**3, root**2
+    def _law(self, lengths: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        k, more, root = self._k, 1.0 + self._share, np.hypot(1.0, lengths / self._s)
+        energy = float(k * lengths / more @ (lengths / (1.0 + root)))
+        return energy, k * lengths / root, more * k / root**3, root**2

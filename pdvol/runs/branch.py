@@ -32,7 +32,7 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel, open_run
 
 SAME_PARTS = ("dt", "supports", "integrator")  # of a description: what a stored state depends on
-MOVED_PARTS = ("obstacles", "supports", "hand")  # of a description: what may move in another way from the step on
+MOVED_PARTS = ("obstacles", "supports")  # of a description: what may move in another way from the step on
 NOT_MOVED = 1e-6  # of the largest coordinate: two places are the same, which caches keep in single precision
 
 
@@ -64,7 +64,7 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
     if step >= shot.scene.steps:
         raise InputError(f"step {step} is the end of the shot, which has {shot.scene.steps} steps")
     hand = shot.scene.hand
-    if hand is not None and hand.channel is not None:  # it goes on from what the run's has done
+    if shot.scene.played is not None:  # it goes on from what the run's hand has done
         shot = replace(shot, scene=replace(shot.scene, hand=run.hand or hand))
     _check_same(run, shot, step)
     reached = next((i for i, level in enumerate(run.levels) if level.steps <= step), len(run.levels))
@@ -74,9 +74,11 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
             f" did; go on with levels 0:{reached - 1}, or from an earlier step"
         )
     _check_states(run, shot, step, last, source)
+    moved = [each.line(step)["obstacles"] if each else {} for each in (run.hand, shot.scene.hand)]
+    if moved[0] != moved[1]:
+        raise InputError(_moved_otherwise("what a hand has shifted", step, step))
     info = copy_run(source, out, step + 1, last + 1)
     before, now = both_described(info, shot)
-    before["hand"] = now["hand"] = None  # compared line by line
     rest = [{key: value for key, value in d.items() if key not in MOVED_PARTS} for d in (before, now)]
     whole = rest[0] == rest[1] and run.info.get("branched", {}).get("whole", True)
     whole = whole and same_up_to(step, run.hand, shot.scene.hand)

@@ -35,6 +35,7 @@ from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
 from pdvol.scene import RECORD, Hand, Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
+from pdvol.scene.hand import same_up_to
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable, require_place
@@ -106,8 +107,7 @@ def run_scene(
     on_root(comm, lambda: _check_folder(out, first, last, method, resume or first > 0, replace))
     if wavefront and shot.file is None:
         raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
-    played = scene.hand if scene.hand is not None and scene.hand.channel is not None else None
-    if played is not None and comm.size > 1:
+    if scene.played is not None and comm.size > 1:
         raise InputError("a hand plays level 0 on one rank; leave out mpirun")
     if wavefront and comm.size > 1:
         raise InputError(
@@ -127,9 +127,8 @@ def run_scene(
             if wavefront is None and not alone:
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
-            ranks_of = lambda level: (
-                1 if played and level == 0 else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
-            )
+            wanted = lambda level: ranks if level or scene.played is None else 1
+            ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, wanted(level))
             if wavefront:
                 if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, progress):
                     marched = range(0)
@@ -149,8 +148,8 @@ def run_scene(
                     model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
                 run_level(model, hierarchy, method, writer, progress)
         finally:
-            if played is not None:
-                _end_take(writer, played)
+            if scene.played is not None:
+                _end_take(writer, scene.played)
             writer.close()
     if levels.refused is not None:
         raise levels.refused
@@ -179,12 +178,10 @@ def refine_run(
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
     shot, how = stored_shot(info, is_own_run(Path(out), file)), (info["method"], info["prolongation"])
-    hand = shot.scene.hand
-    if hand is not None and hand.channel is not None:  # its process was killed while it was played
-        steps = min(shot.scene.steps, hand.steps)
-        shot = dataclasses.replace(
-            shot, scene=dataclasses.replace(shot.scene, hand=dataclasses.replace(hand, channel=None), steps=steps)
-        )
+    if shot.scene.played is not None:  # its process was killed
+        hand = Hand(shot.scene.played.file)
+        scene = dataclasses.replace(shot.scene, hand=hand, steps=min(shot.scene.steps, hand.steps))
+        shot = dataclasses.replace(shot, scene=scene)
     return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks, done=done)
 
 
@@ -293,6 +290,8 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
             raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder")
     changed, same, levels_changed = differences_by_level(*both_described(run.info, shot))
     changed += [] if same else levels_changed
+    if not same_up_to(run.levels[0].steps - 1, run.hand, shot.scene.hand):
+        changed.append("what a hand did")
     if changed:
         more = f"; and {len(changed) - LISTED_CHANGES} more" if len(changed) > LISTED_CHANGES else ""
         raise InputError(
@@ -362,7 +361,7 @@ def _open_writer(
         writer.update_info(solvers=[_solver(scene, writer)])
     if scene.hand is not None:
         writer.update_info(hand=RECORD, channel=scene.hand.channel)
-        if scene.hand.channel is not None:
+        if scene.played is not None:
             scene.hand.keep(max(0, writer.steps(0) - 1))
         elif scene.hand.file.resolve() != (out / RECORD).resolve():
             shutil.copyfile(scene.hand.file, out / RECORD)

@@ -13,7 +13,7 @@ from pdvol.errors import InputError, PdvolError
 from pdvol.registry import STUDIO
 from pdvol.runs.known_scenes import allow
 from pdvol.runs.scene_modules import error_text, load_module
-from pdvol.scene import RECORD, Hand, Pascal, Relative, Scene
+from pdvol.scene import Hand, Pascal, Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
 
@@ -27,7 +27,6 @@ DEFAULTS = {
     "muscles": [],
     "elements": "linear",
     "pulls": [],
-    "hand": None,
 }
 """What a description leaves out, as those of runs stored before there was a choice do."""
 
@@ -61,8 +60,6 @@ class Shot:
         found: dict = vars(self)["_described"]
         # without, as in runs stored before there was a choice
         bodies = [{k: v for k, v in b.items() if k != "elements" or v is not None} for b in found["bodies"]]
-        if self.scene.hand is not None:
-            found = found | {"hand": {"file": RECORD, "digest": found["hand"]["file"].get("digest")}}
         left_out = ("steps", "solver", "name", *(key for key, value in DEFAULTS.items() if found.get(key) == value))
         return {key: value for key, value in {**found, "bodies": bodies}.items() if key not in left_out}
 
@@ -115,14 +112,8 @@ def stored_shot(info: Mapping, trusted: bool = False) -> Shot:
 
 
 def both_described(info: Mapping, shot: Shot) -> tuple[dict, dict]:
-    """The descriptions in `run.json` and of a shot, with what these leave out. A hand's record grows, so that of the
-    run is described as it is now.
-    """
-    old, new, hand = {**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()}, shot.scene.hand
-    if hand is not None and "hand" in info:
-        same = hand.file.resolve() == Path(info["hand"])
-        old["hand"] = new["hand"] if same else new["hand"] | {"digest": describe(Path(info["hand"])).get("digest")}
-    return old, new
+    """The descriptions in `run.json` and of a shot, with what these leave out."""
+    return {**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()}
 
 
 def kept_value(value: Any) -> Any:

@@ -57,9 +57,8 @@ class Attachment(Element):
 class Pull(Element):
     """A spring without length, with a damper, from a patch of a body's surface to a point that moves by keyframes.
 
-    It acts on the mean of the patch, in the steps that end after `times[0]` and not after `times[-1]`. Its force grows
-    with the distance, up to a bound: by the patch's stiffness, but at least twice and at most 20 times the body's
-    weight.
+    It acts on the mean of the patch, in the steps that lie within its times. Its force grows with the distance, up to a
+    bound: by the patch's stiffness, but at least twice and at most 20 times the body's weight.
 
     Attributes
     ----------
@@ -101,4 +100,5 @@ class Pull(Element):
 
     def acts(self, t0: float, t1: float) -> bool:
         """Whether it acts in a step, or a part of one, from t0 to t1 [s]; times are compared to a millionth of it."""
-        return self.times[0] < t1 - 1e-6 * (t1 - t0) <= self.times[-1]
+        slack = 1e-6 * (t1 - t0)
+        return self.times[0] <= t0 + slack and t1 - slack <= self.times[-1]

@@ -5,7 +5,8 @@ A record is a file with a JSON object a line. Line n is step n, complete in itse
     {"step": 7, "pulls": [{"number": 3, "body": "bunny", "place": [...], "point": [...]}], "obstacles": {"door": [...]}}
 
 A pull holds the material at a place at rest [m], as placed, and draws it to a point [m]; presses have different
-numbers. Obstacles and supports have offsets [m] from their scripted motions. A record may grow while it is read.
+numbers. It may have a stiffness [N/m], and a grip [m]: how far the patch was from the point when it was taken.
+Obstacles and supports have offsets [m] from their scripted motions. A record may grow while it is read.
 """
 
 import json
@@ -95,5 +96,8 @@ def check_pull(pull: Any) -> None:
     for name in ("place", "point"):
         vector(name, plain(pull.get(name)))
         require(max(map(abs, pull[name])) < FARTHEST, f"{name} = {pull[name]} is too far away")
-    if pull.get("stiffness") is not None:
+    if "stiffness" in pull:
         positive("stiffness", pull["stiffness"])
+    if "grip" in pull:
+        vector("grip", plain(pull["grip"]))
+        require(len(pull["grip"]) == len(pull["point"]), "grip and point differ in length")

@@ -10,13 +10,13 @@ from pdvol.scene.attachments import Attachment, Pull
 from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import choice, count, finite, instance, optional, positive, require, several
 from pdvol.scene.contact import Barrier, Friction
-from pdvol.scene.element import Element
+from pdvol.scene.element import NOT_SIMULATED, Element
 from pdvol.scene.hand import Hand
 from pdvol.scene.jitter import jittered
 from pdvol.scene.loads import Impulse, Load
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.solver import Penalty, Solver
-from pdvol.scene.surroundings import Obstructing, Support, led
+from pdvol.scene.surroundings import Obstructing, Rigid, Support, led
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
 
@@ -69,7 +69,7 @@ class Scene(Element):
     muscles: Sequence[Muscle] = ()
     elements: str = ELEMENTS[0]
     pulls: Sequence[Pull] = ()
-    hand: Hand | None = None
+    hand: Hand | None = field(default=None, metadata={NOT_SIMULATED: True})  # it may grow: `same_up_to` compares it
 
     whose = ""
     checks = {
@@ -92,7 +92,10 @@ class Scene(Element):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._take_hand()
+        for key in ("obstacles", "supports"):
+            object.__setattr__(self, key, led(getattr(self, key), self.hand, self.dt))
+        movable = [o.name for o in self.obstacles if isinstance(o, Rigid) and o.movable]
+        require(len(set(movable)) == len(movable), f"movable obstacles must have different names, not {movable}")
         require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]
         require(len(set(names)) == len(names), f"bodies must have different names, not {names}")
@@ -112,16 +115,6 @@ class Scene(Element):
                 "friction and obstacles need contact=(Barrier(), ...)",
             )
 
-    def _take_hand(self) -> None:
-        """Has the hand shift what is movable."""
-        movable = [o.name for o in self.obstacles if getattr(o, "movable", False)]
-        require(len(set(movable)) == len(movable), f"movable obstacles must have different names, not {movable}")
-        for key, names in (
-            ("obstacles", [o.name for o in self.obstacles]),
-            ("supports", [f"support {i}" for i in range(len(self.supports))]),
-        ):
-            object.__setattr__(self, key, led(getattr(self, key), names, self.hand, self.dt))
-
     def _check_pairs(self, bodies: list[str], obstacles: list[str]) -> None:
         """That friction's pairs name what can touch."""
         for one, other, _ in (pair for c in self.contact if isinstance(c, Friction) for pair in c.triples):
@@ -138,6 +131,11 @@ class Scene(Element):
                 one in bodies or other in bodies,
                 f"Friction.pairs names the obstacles {one!r} and {other!r}, which never touch",
             )
+
+    @property
+    def played(self) -> Hand | None:
+        """Its hand, while level 0 is played."""
+        return self.hand if self.hand is not None and self.hand.channel is not None else None
 
     @property
     def levels(self) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.meshes import Outline, Surface
-from pdvol.scene.checks import anything, flag, instance, mask, moment, positive, require, takes, vector
+from pdvol.scene.checks import anything, instance, mask, moment, positive, require, takes, vector
 from pdvol.scene.element import NOT_SIMULATED, Element
 from pdvol.scene.hand import Hand
 from pdvol.scene.motions import Led, Motion, Still
@@ -84,7 +84,7 @@ class Rigid(Element):
     movable: bool = field(default=False, metadata={NOT_SIMULATED: True})
 
     whose = "obstacle {name!r}: "
-    checks = {"motion": _moves_rigidly, "closed": anything, "opacity": partial(positive, highest=1.0), "movable": flag}
+    checks = {"motion": _moves_rigidly, "closed": anything, "opacity": partial(positive, highest=1.0)}
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,9 +108,7 @@ class Deforming(Element):
     opacity: float = 1.0
 
     whose = Rigid.whose
-    checks = {key: Rigid.checks[key] for key in ("closed", "opacity")} | {
-        "motion": instance(PointCache, "; a Rigid takes functions")
-    }
+    checks = {**Rigid.checks, "motion": instance(PointCache, "; a Rigid takes functions")}
 
 
 Obstructing = Plane | Rigid | Deforming
@@ -137,7 +135,7 @@ class Support(Element):
     release: float = np.inf
     movable: bool = field(default=False, metadata={NOT_SIMULATED: True})
 
-    checks = {"where": mask, "motion": _moves, "release": moment, "movable": flag}
+    checks = {"where": mask, "motion": _moves, "release": moment}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,12 +150,13 @@ class Support(Element):
         return time < self.release - 1e-6 * dt
 
 
-def led(things: Sequence[Any], names: Sequence[str], hand: Hand | None, dt: float) -> tuple[Any, ...]:
-    """Obstacles or supports with these names in a hand's record, the movable ones shifted by it."""
-    own = lambda motion: motion.own if isinstance(motion, Led) else motion
-    return tuple(
-        replace(each, motion=Led(own(each.motion), name, hand, dt))
-        if hand and getattr(each, "movable", False)
-        else each
-        for each, name in zip(things, names, strict=True)
-    )
+def led(things: Sequence[Any], hand: Hand | None, dt: float) -> tuple[Any, ...]:
+    """Obstacles or supports, of which a hand shifts the movable ones."""
+    if hand is None:
+        return tuple(things)
+
+    def shifted(number: int, each: Any) -> Any:
+        own, name = each.motion.own if isinstance(each.motion, Led) else each.motion, f"support {number}"
+        return replace(each, motion=Led(own, getattr(each, "name", name), hand, dt))
+
+    return tuple(shifted(i, each) if getattr(each, "movable", False) else each for i, each in enumerate(things))
