@@ -8,7 +8,7 @@ from pdvol.errors import InputError
 from pdvol.runs.stage_lines import SO_FAR
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
-from pdvol.studio.live.hand import REMARK, Hand
+from pdvol.studio.live.channel import REMARK, Channel
 from pdvol.studio.wedge.worker import Worker, last_line
 
 
@@ -40,7 +40,7 @@ class LiveRun:
         requested: float,
         branch: "tuple[LiveRun, int] | None" = None,
         note: str = "",
-        hand: Hand | None = None,
+        hand: Channel | None = None,
     ):
         self.number, self.folder, self.log = number, folder, folder.with_suffix(".log")
         self.values, self.branch, self.note, self.hand = values, branch, note, hand

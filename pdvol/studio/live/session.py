@@ -15,7 +15,7 @@ from typing import Any
 from pdvol.errors import InputError
 from pdvol.processes import idle_cores
 from pdvol.store.copying import copy_run, require_new
-from pdvol.studio.live.hand import Hand
+from pdvol.studio.live.channel import Channel
 from pdvol.studio.live.live_run import LiveRun
 from pdvol.studio.live.pool import Pool
 from pdvol.studio.wedge.variation import value_text
@@ -213,7 +213,7 @@ class Session:
             self._give_up(self.current)
         self._number += 1
         folder = self.folder / f"{self._number:04d}"
-        hand = Hand(folder.with_suffix(".hand")) if by_hand else None
+        hand = Channel(folder.with_suffix(".hand")) if by_hand else None
         run = LiveRun(self._number, folder, dict(self.values), requested, branch, note, hand)
         self.current = run
         self._runs.append(run)
@@ -226,7 +226,7 @@ class Session:
         if hand is not None:
             run.finest, run.refined, run.note, self.paused = self.finest, 0, note, False
             follows = self.finest > 0 and idle_cores() > 1  # level 1, in a process of its own
-            more += ["--hand-from", hand.channel, *(["--wavefront"] if follows else [])]
+            more += ["--hand-from", hand.file, *(["--wavefront"] if follows else [])]
             self._carry_out(run, ["--levels", f"0:{int(follows)}", *more])
         else:
             self._carry_out(run, ["--levels", f"0:{run.refined}", *more])

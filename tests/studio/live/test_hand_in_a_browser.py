@@ -11,7 +11,7 @@ import pytest
 from pdvol.store.reader import open_run
 
 pytest.importorskip("websockets", reason="the live page needs websockets (extra `live`)")
-from pdvol.studio.live.hand import Hand
+from pdvol.studio.live.channel import Channel
 from pdvol.studio.live.page import Page
 from pdvol.studio.live.server import LocalServer
 
@@ -37,7 +37,7 @@ class Played(SimpleNamespace):
 @pytest.fixture(params=["flat_run", "solid_run"])
 def played(request, tmp_path):
     """A page over a run, its server, and what the hand holds."""
-    hand = Hand(tmp_path / "0001.hand")
+    hand = Channel(tmp_path / "0001.hand")
     session = Played(request.getfixturevalue(request.param), hand)
     page = Page(session, [], 1, "test", {obstacle.name: None for obstacle in session.shown.stored.obstacles})
     server = LocalServer("127.0.0.1", 0, page.html, page.talk)
@@ -47,7 +47,7 @@ def played(request, tmp_path):
     def held(holds):
         """What the hand holds, once that `holds`."""
         end = time.monotonic() + PATIENCE
-        while not holds(found := json.loads(hand.channel.read_text())["pulls"]):
+        while not holds(found := json.loads(hand.file.read_text())["pulls"]):
             assert time.monotonic() < end, found
             time.sleep(0.01)
         return found
@@ -65,6 +65,7 @@ def on_screen(tab, point):
       const seen = new THREE.Vector3({x}, {y}, {z}).project(live.view.camera), box = stage.getBoundingClientRect();
       return [box.left + (seen.x + 1) / 2 * box.width, box.top + (1 - seen.y) / 2 * box.height];
     }})()"""
+    tab.until("live.shown.at === live.newest")
     return tab.page.evaluate(script)
 
 

@@ -10,7 +10,7 @@ from pdvol.store.reader import open_run
 from pdvol.studio.live.controls import Control
 
 pytest.importorskip("websockets", reason="the live page needs websockets (extra `live`)")
-from pdvol.studio.live.hand import Hand
+from pdvol.studio.live.channel import Channel
 from pdvol.studio.live.page import MOST_STATES, Page
 
 WRONG = "the page has sent something else than a command"
@@ -87,9 +87,9 @@ HELD = {"number": 1, "body": "a", "place": [0.0, 0.0, 0.0], "point": [1.0, 0.0, 
 
 def hand_of(asked, tmp_path):
     """The hand of a take that the page shows as played."""
-    asked.run.hand = Hand(tmp_path / "1.hand")
+    asked.run.hand = Channel(tmp_path / "1.hand")
     asked.session.playing = asked.run
-    return asked.run.hand.channel
+    return asked.run.hand.file
 
 
 def hand_message(pulls="[]", obstacles="{}", sample="1"):

@@ -8,7 +8,7 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
-from pdvol.studio.live.hand import MOST_FINGERS, Hand
+from pdvol.studio.live.channel import MOST_FINGERS, Channel
 from pdvol.studio.live.session import MOST_RUNS, Session
 
 PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
@@ -135,11 +135,11 @@ WRONG = [
 
 @pytest.mark.parametrize("pulls", WRONG)
 def test_a_hand_keeps_what_it_holds_where_the_next_is_wrong(tmp_path, pulls):
-    hand = Hand(tmp_path / "1.hand")
+    hand = Channel(tmp_path / "1.hand")
     hand.hold([{"number": 2, "body": "square", "place": [0.0, 1.0], "point": [0.25, 0.5]}], {"door": [1, 2]}, 3)
-    before = hand.channel.read_text()
+    before = hand.file.read_text()
     with pytest.raises((InputError, KeyError, TypeError)):
         hand.hold(pulls, {})
-    assert hand.channel.read_text() == before
+    assert hand.file.read_text() == before
     assert hand.sample_of({"pulls": [{"point": [0.25, 0.5]}]}) == 3
     assert hand.sample_of({"pulls": [{"point": [0.25, 0.6]}]}) == hand.sample_of({"pulls": []}) == 0

@@ -89,8 +89,7 @@ class Live {
       Object.assign(this, { run: status.run, levels: new Map(), follows: true, plays: false, position: status.begin });
       this.asked.clear();
     }
-    const shown = status.run && this.levels.get(this.levelAt(this.newest));
-    if (shown && this.follows) this.want(shown, this.levelAt(this.newest), this.newest, this.newest);  // the frame comes later
+    if (status.run && this.follows) this.newestHeld();  // it is asked for before the next frame
     this.redraw(false);
   }
   write() {  // what the status says
@@ -148,8 +147,9 @@ class Live {
     return Math.max(0, wanted === "" ? finest : Math.min(finest, Number(wanted)));
   }
   newestHeld() {  // of the level that is followed: later ones are on their way
-    const shown = this.levels.get(this.levelAt(this.newest));
+    const level = this.levelAt(this.newest), shown = this.levels.get(level);
     let step = this.newest;
+    if (shown) this.want(shown, level, step, step);
     while (shown && step > this.status.begin && !shown.held.has(step)) step--;
     return step;
   }

@@ -15,16 +15,16 @@ MOST_FINGERS = 10  # fingers
 REMEMBERED = 2000  # points of pulls, whose steps may still come
 
 
-class Hand:
-    """The hand of one take.
+class Channel:
+    """The hand of one take, as its browser sends it.
 
     Attributes
     ----------
-    channel : the file
+    file : what the run reads
     """
 
-    def __init__(self, channel: Path):
-        self.channel = channel
+    def __init__(self, file: Path):
+        self.file = file
         self._samples: dict[tuple[float, ...], int] = {}
         self.hold([], {})
 
@@ -52,9 +52,9 @@ class Hand:
         moved = {str(name): _point(offset) for name, offset in obstacles.items()}
         while len(self._samples) > REMEMBERED:
             self._samples.pop(next(iter(self._samples)))
-        aside = self.channel.with_suffix(".aside")
+        aside = self.file.with_suffix(".aside")
         aside.write_text(json.dumps({"pulls": held, "obstacles": moved}))
-        os.replace(aside, self.channel)
+        os.replace(aside, self.file)
 
     def sample_of(self, line: Mapping[str, Any]) -> int:
         """The sample that a step has used, by its line of the record; 0 where it has used none."""
