@@ -117,8 +117,10 @@ class Session:
             self.shown = self._take(number)
 
     def refine(self, number: int) -> None:
-        """Show a take and compute its finer levels; errors as of `show`."""
+        """Show a take and compute its finer levels; errors as of `show`, and while a take is played."""
         with self._lock:
+            if self.playing is not None:
+                raise InputError("a take is played; end it before another one is refined")
             run = self.shown = self._take(number)
             if run.running:
                 return

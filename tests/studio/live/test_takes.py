@@ -116,6 +116,8 @@ def test_takes_stay_while_other_runs_come_and_go(session):
 def test_a_change_ends_a_take_which_stays(session):
     take = play(session)
     until(session, lambda: take.steps > 3)
+    with pytest.raises(InputError, match="end it before"):
+        session.refine(session.takes[0].number)
     session.change({"young": 1.5e4, "steps": 2})
     until(session, lambda: session.current is not take)
     assert take.state == "stopped" and not take.running and take in session.takes

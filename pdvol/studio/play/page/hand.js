@@ -26,7 +26,10 @@ class Hand {
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) stage.addEventListener(end, (event) => this.letGo(event), catching);
     stage.addEventListener("wheel", (event) => this.push(event), catching);
   }
-  get may() { const { playing, mine, free } = this.live.status; return playing && (mine || free) && this.live.view && this.live.follows; }
+  get may() {  // what is played is shown, and no other page has the hand
+    const { mine, free, offsets } = this.live.status;
+    return offsets && (mine || free) && this.live.view && this.live.follows;
+  }
 
   // The ray through a pointer: origin and direction, from the near to the far end of what the camera sees.
   ray(event) {
