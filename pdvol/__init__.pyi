@@ -63,6 +63,7 @@ from .runs.own_energy import (
 )
 from .scene.attachments import (
     Attachment as Attachment,
+    Pull as Pull,
 )
 from .scene.bodies import (
     Body as Body,

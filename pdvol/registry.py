@@ -156,6 +156,7 @@ STUDIO = Registry(
     "tool",
     {
         "play": Entry("pdvol.studio.play.notebook:play"),
+        "player": Entry("pdvol.studio.live.player:Player"),
         "polyfem_scene": Entry("pdvol.studio.imports.polyfem:polyfem_scene"),
         "read_animation": Entry("pdvol.studio.imports.scene_files:read_animation"),
         "files_of_scene": Entry("pdvol.studio.imports.scene_files:files_of_scene"),

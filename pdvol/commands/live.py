@@ -51,33 +51,40 @@ def main(options: Namespace) -> None:
             from pdvol.studio.live.server import LocalServer
             from pdvol.studio.live.session import Session
     except ModuleNotFoundError as error:
-        if error.name != "viser":
+        if error.name != "websockets":
             raise
-        raise InputError("the live page needs viser: pip install 'viser<1.2'") from None
+        raise InputError("the live page needs websockets: pip install 'websockets<17'") from None
     settings = parse_settings(options.set)
     shown = controls(options.scene, settings, options.vary)
-    server = LocalServer(options.host, options.port, f"pdvol live: {shot.name}")
     folder = Path(tempfile.mkdtemp(prefix="pdvol-live-"))
-    session = None
+    session = page = server = None
     try:
         signal.signal(signal.SIGTERM, _interrupt)
         session = Session(
             options.scene.resolve(), settings, folder, options.out, last, options.steps, options.wavefront
         )
-        page = Page(server, session, shown, last + 1, shot.name)
+        movable: dict[str, Any] = {one.name: None for one in shot.scene.obstacles if getattr(one, "movable", False)}
+        movable |= {f"support {number}": one for number, one in enumerate(shot.scene.supports) if one.movable}
+        page = Page(session, shown, last + 1, shot.name, movable)
+        server = LocalServer(options.host, options.port, page.html, page.talk)
         # A signal ends the loop between two updates. An exception in the middle of one can get lost in a library.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: page.stop())
         session.start()
         print(f"{server.address} shows {options.scene}; Ctrl-C ends it", file=sys.stderr, flush=True)
         page.serve()
+        if page.summary():
+            print(page.summary(), file=sys.stderr)
         print("ended; kept runs are in " + str(options.out) if _kept(options.out) else "ended", file=sys.stderr)
     except KeyboardInterrupt:
         print("ended", file=sys.stderr)
     finally:
+        if page is not None:
+            page.stop()
         if session is not None:
             session.close()
-        server.stop()
+        if server is not None:
+            server.stop()
         shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -156,7 +156,7 @@ def chosen_shot(options: Namespace) -> "Shot":
     InputError
         The scene file or a setting is wrong.
     """
-    return loaded_shot(options.scene, options.set, getattr(options, "steps", None))
+    return loaded_shot(options.scene, options.set, getattr(options, "steps", None), getattr(options, "hand", None))
 
 
 def require_use(shot: "Shot", method: str) -> None:
@@ -168,7 +168,7 @@ def require_use(shot: "Shot", method: str) -> None:
             raise InputError(f"--set {name}: only the method {user} uses it, not {method}; leave it out")
 
 
-def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None) -> "Shot":
+def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None, hand: Path | None = None) -> "Shot":
     """The scene of a file with the settings of `--set`, loaded as a stage. Raises as `chosen_shot`."""
     from pdvol.stages import stage
 
@@ -176,7 +176,7 @@ def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None) -
         from pdvol.runs.scene_file import load_shot, parse_settings
         from pdvol.scene.fingerprint import not_compared
 
-        shot = load_shot(file, parse_settings(settings), steps)
+        shot = load_shot(file, parse_settings(settings), steps, hand=hand)
     for line in not_compared(shot.description()):
         if this_rank() == 0:
             print(

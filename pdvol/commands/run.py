@@ -1,7 +1,7 @@
 """`pdvol run`: simulate a scene's levels into a run folder."""
 
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import SUPPRESS, ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +44,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="begin with the stored states of another run, and go on from --at STEP with the settings given here",
     )
     parser.add_argument("--at", type=int, metavar="STEP", help="the last step taken over by --branch")
+    parser.add_argument("--hand", type=Path, metavar="FILE", help="what a hand did: hand.jsonl of a take")
+    parser.add_argument("--hand-from", type=Path, metavar="FILE", help=SUPPRESS)  # a live page's
     parser.add_argument("--accuracy", default="", metavar="LENGTH", help="settings of a study: 5mm or 1%% at the end")
     parser.add_argument("--time", default="", metavar="TIME", help="settings of a study: 90s or 10min of CPU time")
     parser.add_argument("--study", type=Path, metavar="DIR", help="the study to take them from")
@@ -64,6 +66,12 @@ def main(options: Namespace) -> None:
         shot, first, last, options.method = _from_study(options, shot)
     name = shot.name if options.method == "progressive" else f"{shot.name}_{options.method}"
     out = options.out or Path("runs") / name
+    if options.hand_from is not None:
+        from pdvol.studio.live.player import played
+
+        if options.hand is not None or options.method != "progressive" or first > 0:
+            raise InputError("--hand-from plays level 0 of a progressive run; leave out --hand and --method")
+        shot = played(shot, out, options.hand_from, options.steps)
     if not options.resume:
         require_use(shot, options.method)
     if options.branch is not None or options.at is not None:

@@ -129,13 +129,16 @@ class ScriptedMotion:
         -------
         reached : the smallest fraction of its remaining motion that a support or obstacle has carried out
         behind : [s] how far it is behind the time, at most
-        late : [s] the same of each that is, by its name; empty where all are equally far behind
+        late : [s] the same of each that is, by its name; empty where all others could be as far behind
         """
         before, self._lags = self._lags, self.lags
         left = (round(1.0 - lag / (self._dt + before[mover]), 12) for mover, lag in self._lags.items())
         lags = {name: self._lags[mover] for name, mover in self._moving.items()}
-        late = {name: lag for name, lag in lags.items() if lag > 0.0} if len(set(lags.values())) > 1 else {}
-        return max(0.0, min(left, default=1.0)), max(lags.values(), default=0.0), late
+        most, end = max(lags.values(), default=0.0), self.end_of_span
+        rest = [mover for name, mover in self._script.movers.items() if name not in lags and most > 0.0]
+        apart = len(set(lags.values())) > 1 or any(self._script.moves(mover, end - most, end) for mover in rest)
+        late = {name: lag for name, lag in lags.items() if lag > 0.0} if apart else {}
+        return max(0.0, min(left, default=1.0)), most, late
 
     def go_on_from(self, behind: float, late: Mapping[str, float]) -> None:
         """Sets what `end` gave."""

@@ -1,4 +1,6 @@
-"""The springs of a scene's attachments: chosen on the coarsest level, bound to the same material on every level."""
+"""The springs of a scene's attachments and pulls: chosen on the coarsest level, bound to the same material on every
+level.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,10 +10,19 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import nearest_points
+from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
-from pdvol.levels.locate import nearest_material
-from pdvol.scene import Attachment, Scene
+from pdvol.levels.locate import behind_nearest_facets, inner_weights, nearest_material
+from pdvol.levels.materials import cell_materials
+from pdvol.scene import Attachment, Gravity, Pull, Scene, at_time
 from pdvol.scene.checks import chosen, near, require
+
+REACH = 0.2  # seconds in which a pull brings the patch of a free body to its point, but for 9 % of the way
+PATCH = 0.15  # of a body's diagonal: radius of a patch, which some facets of coarse levels have their centres in
+# Strain that a pull's force is for its patch: neo-Hookean cells bear it, and a picture shows that something pulls.
+STRAIN = 0.5
+# Weights of the body: a pull's force at most, for any softness, which lifts it, and for any stiffness.
+LEAST_WEIGHTS, MOST_WEIGHTS = 2.0, 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,3 +163,83 @@ def bound_springs(springs: Springs, mesh: LevelMesh, start: np.ndarray) -> tuple
     lengths = np.linalg.norm(np.einsum("ka,kai->ki", weights, start[points]), axis=1)
     rest = np.where(np.isnan(springs.rest_length), lengths, springs.rest_length)
     return (BoundSprings(points, weights, springs.stiffness, rest, springs.strength),)
+
+
+BoundPull = tuple[np.ndarray, np.ndarray, tuple[float, float, float]]
+"""A pull on a level: the points (m,) of its patch, their shares (m,), whose sum is one, and the law of its spring:
+stiffness k [N/m], the length [m] at which the force k times that length is nearly its bound, and the time [s] in which
+the damper is as strong as the spring.
+"""
+
+
+class Pulls:
+    """The pulls of a scene and of its hand on a level.
+
+    Parameters
+    ----------
+    scene : Scene
+    coarsest, mesh : of the coarsest level, on which patches are chosen, and of this one
+    """
+
+    def __init__(self, scene: Scene, coarsest: LevelMesh, mesh: LevelMesh):
+        self.hand, self._scene, self._coarsest, self._mesh = scene.hand, scene, coarsest, mesh
+        self._bound: dict[tuple, BoundPull] = {}
+
+    def acting(self, t0: float, t1: float) -> dict[Any, Pull]:
+        """Those that act in a step or a part of one, from t0 to t1 [s], by what tells them apart."""
+        dt = self._scene.dt
+        found: dict[Any, Pull] = {i: pull for i, pull in enumerate(self._scene.pulls) if pull.acts(t0, t1)}
+        if self.hand is not None:
+            step = int(np.ceil(t1 / dt - 1e-6))
+            before = {each["number"]: each["point"] for each in self.hand.line(step - 1)["pulls"]}
+            for each in self.hand.line(step)["pulls"]:
+                grip, last = each.get("grip", np.zeros(self._mesh.dim)), before.get(each["number"], each["point"])
+                keys, times = [np.add(point, grip) for point in (last, each["point"])], ((step - 1) * dt, step * dt)
+                found["hand", each["number"]] = Pull(each["body"], each["place"], times, keys, each.get("stiffness"))
+        return found
+
+    def change(self, step: int) -> bool:
+        """Whether others act in the step after this one than in it."""
+        start, end, after = ((step + k) * self._scene.dt for k in (-1, 0, 1))
+        return self.acting(start, end).keys() != self.acting(end, after).keys()
+
+    def bound(self, pull: Pull) -> BoundPull:
+        """A pull on the level. Raises InputError where its body is unknown, or its place lies far outside."""
+        key = (pull.body, pull.where, pull.stiffness, pull.radius)
+        if key not in self._bound:
+            self._bound[key] = self._bind(pull)
+        return self._bound[key]
+
+    def check(self) -> None:
+        """Raises InputError where a pull of the scene, or of the hand so far, fits no level."""
+        steps = range(0 if self.hand is None else self.hand.steps)
+        hands = (pull for i in steps for pull in self.acting(i * self._scene.dt, (i + 1) * self._scene.dt).values())
+        for pull in (*self._scene.pulls, *hands):
+            self.bound(pull)
+
+    def _bind(self, pull: Pull) -> BoundPull:
+        mesh, scene, names = self._coarsest, self._scene, [body.name for body in self._scene.bodies]
+        require(pull.body in names, f"a Pull names the body {pull.body!r}; there are {names}")
+        number = names.index(pull.body)
+        place = _one_place(mesh, number, pull.body, "Pull.where", pull.where)
+        mine = np.flatnonzero(mesh.bodies[mesh.boundary_cells] == number)
+        facets = mesh.boundary[mine]
+        diagonal, centres = gyration_diagonal(mesh.points, facets), mesh.points[facets].mean(axis=1)
+        distances = np.linalg.norm(centres - place, axis=1)
+        patch = distances <= max(pull.radius or PATCH * diagonal, distances.min())
+        sizes, cells = facet_sizes(mesh.points, facets[patch]), mesh.bodies == number
+        materials = cell_materials(scene, mesh)
+        mass = float(materials.density[cells] @ mesh.volumes[cells])
+        stiffness = pull.stiffness or mass * (4.0 / REACH) ** 2
+        falls = [at_time("gravity", g.acceleration, 0.0, mesh.dim) for g in scene.loads if isinstance(g, Gravity)]
+        weight = mass * float(np.linalg.norm(np.sum(falls, axis=0))) or stiffness * diagonal / MOST_WEIGHTS
+        soft = STRAIN * float(materials.young[mesh.boundary_cells[mine[patch]]].min() * sizes.sum())
+        most = float(np.clip(soft, LEAST_WEIGHTS * weight, MOST_WEIGHTS * weight))
+        ends, bodies = centres[patch], np.full(patch.sum(), number)
+        cells, places = behind_nearest_facets(self._mesh, ends, bodies, np.full(len(ends), -1))
+        weights = inner_weights(self._mesh, cells, places) * (sizes / sizes.sum())[:, None]
+        points, rows = np.unique(self._mesh.cells[cells], return_inverse=True)
+        shares = np.bincount(rows.ravel(), weights.ravel())
+        kept = shares > 0.0
+        damping = 2.0 * float(np.sqrt(mass / stiffness))  # critical of a rigid body
+        return points[kept], shares[kept], (stiffness, most / stiffness, damping)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.attachments import BoundSprings, Springs, attachment_springs, bound_springs
+from pdvol.levels.attachments import BoundSprings, Pulls, attachment_springs, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
 from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
@@ -83,6 +83,7 @@ class LevelModel:
     ground : none or one of the obstacles (`obstacles.ground_of`)
     contact : none or one ContactModel
     springs : none or one BoundSprings, of all attachments
+    pulls : none or one Pulls, of the scene and its hand
     muscles : tuple of CellMuscle
     penalty : weights that hold levels together
     feedback : of the drift from the level below, as `Scene` has it
@@ -103,6 +104,7 @@ class LevelModel:
     ground: tuple[Obstacle, ...]
     contact: tuple[ContactModel, ...]
     springs: tuple[BoundSprings, ...]
+    pulls: tuple[Pulls, ...]
     muscles: tuple[CellMuscle, ...]
     penalty: Penalty
     feedback: float
@@ -125,13 +127,14 @@ class LevelModel:
         return self.contact[0].friction if self.contact else ()
 
     def begins_anew(self, step: int) -> bool:
-        """Whether velocities or forces jump where a step ends: a support lets go there, or an impulse acts in that step
-        or the next one. The same on every level.
+        """Whether velocities or forces jump where a step ends: a support lets go there, pulls begin or end, or an
+        impulse acts in that step or the next one. The same on every level.
         """
         start, end, after = ((step + k) * self.dt for k in (-1, 0, 1))
         impulses = (placed.load.time for placed in self.loads if isinstance(placed.load, Impulse))
         released = (support.holds(start, self.dt) and not support.holds(end, self.dt) for support in self.supports)
-        return any(released) or any(start <= time < after for time in impulses)
+        jumps = any(released) or any(start <= time < after for time in impulses)
+        return jumps or any(pulls.change(step) for pulls in self.pulls)
 
     def __repr__(self) -> str:
         return f"LevelModel(level {self.level}, {len(self.mesh.points)} vertices, {len(self.bodies)} bodies)"
@@ -144,7 +147,7 @@ def level_model(
     diagonal: float,
     obstacles: Sequence[Obstacle] = (),
     materials: CellMaterials | None = None,
-    springs: Springs | None = None,
+    coarsest: LevelMesh | None = None,
     muscles: tuple[CellMuscle, ...] | None = None,
 ) -> LevelModel:
     """A scene on one level. Not collective: every rank makes the same one.
@@ -154,7 +157,8 @@ def level_model(
     diagonal : of the smallest free body [m] (`scene_diagonal`), for relative lengths
     obstacles : of the scene (`placed_obstacles`)
     materials : of the level's cells; where not given, as if the level were the coarsest
-    springs, muscles : of the scene's attachments, and of the level's cells, likewise
+    coarsest : the coarsest level, on which springs are chosen, likewise
+    muscles : of the level's cells, likewise
 
     Raises
     ------
@@ -163,7 +167,8 @@ def level_model(
     """
     materials = cell_materials(scene, mesh) if materials is None else materials
     names = tuple(body.name for body in scene.bodies)
-    start = start_positions(scene, mesh, level)
+    start, coarsest = start_positions(scene, mesh, level), mesh if coarsest is None else coarsest
+    springs = attachment_springs(scene, coarsest, start if coarsest is mesh else start_positions(scene, coarsest, 0))
     supports = []
     for support in scene.supports:
         mask, motion = supported_points(scene, support, mesh, level, start)
@@ -185,7 +190,8 @@ def level_model(
         obstacles=tuple(obstacles),
         ground=ground_of(scene.supports, obstacles, scene.dt * scene.steps),
         contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
-        springs=bound_springs(attachment_springs(scene, mesh, start) if springs is None else springs, mesh, start),
+        springs=bound_springs(springs, mesh, start),
+        pulls=(Pulls(scene, coarsest, mesh),) if scene.pulls or scene.hand else (),
         muscles=cell_muscles(scene, mesh) if muscles is None else muscles,
         penalty=scene.penalty,
         feedback=scene.feedback,
@@ -205,10 +211,8 @@ def hierarchy_model(
     Parameters and errors as for `level_model`.
     """
     materials = level_materials(scene, hierarchy, level)
-    coarsest = hierarchy[0].mesh
-    springs = attachment_springs(scene, coarsest, start_positions(scene, coarsest, 0))
-    muscles = level_muscles(scene, hierarchy, level)
-    return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials, springs, muscles)
+    muscles, coarsest = level_muscles(scene, hierarchy, level), hierarchy[0].mesh
+    return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials, coarsest, muscles)
 
 
 def contact_models(

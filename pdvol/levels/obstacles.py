@@ -1,6 +1,7 @@
 """A scene's obstacles in metres: half-spaces, surfaces and polylines read and placed, and stored over time."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,15 +10,16 @@ from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.script import ON_TIME, Obstacle
 from pdvol.scene import (
     Deforming,
+    Led,
     Motion,
     Obstructing,
     Plane,
     PointCache,
     Rigid,
-    Still,
     Support,
     keeps_shape,
     moved,
+    stands,
 )
 
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -99,7 +101,7 @@ def ground_of(supports: Sequence[Support], obstacles: Sequence[Obstacle], durati
     and no others are as many. So a scene that is seen from a frame that moves evenly gives the same motion.
     """
     things: tuple[Support | Obstacle, ...] = (*supports, *obstacles)
-    if any(isinstance(thing.motion, Still) for thing in things):
+    if any(stands(thing.motion) for thing in things):
         return ()
     groups: list[tuple[int, Obstacle]] = []
     for plane in (obstacle for obstacle in obstacles if obstacle.kind == "plane"):
@@ -134,7 +136,7 @@ def stored_obstacles(obstacles: Sequence[Obstacle], dt: float, steps: int) -> li
     InputError
         Moving obstacles have too many vertices for so many steps.
     """
-    moving = sum(len(o.vertices) for o in obstacles if o.moves and o.kind != "plane")
+    moving = sum(len(o.vertices) for o in obstacles if not stands(o.motion) and o.kind != "plane")
     if moving * (steps + 1) > MOST_STORED_VERTICES:
         raise InputError(
             f"{moving:,} vertices of moving obstacles over {steps:,} steps are too many to keep;"
@@ -144,7 +146,9 @@ def stored_obstacles(obstacles: Sequence[Obstacle], dt: float, steps: int) -> li
 
 
 def _stored(obstacle: Obstacle, dt: float, steps: int) -> dict:
-    places = [obstacle.stored(obstacle.place(number * dt)) for number in range(steps + 1)] if obstacle.moves else []
+    scripted = replace(obstacle, motion=obstacle.motion.own) if isinstance(obstacle.motion, Led) else obstacle
+    numbers = range(steps + 1 if scripted.moves else 1) if obstacle.moves else ()  # readers add what a hand has shifted
+    places = [scripted.stored(scripted.place(number * dt)) for number in numbers]
     over_time = {key: np.array([place[key] for place in places]) for key in (places[0] if places else ())}
     entry: dict = {"name": obstacle.name, "kind": obstacle.kind}
     if obstacle.kind == "plane":

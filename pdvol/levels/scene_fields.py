@@ -173,10 +173,11 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
     if level == 0:
         check_laws(scene, mesh.dim)
         cell_muscles(scene, mesh)
-        if scene.attachments:
-            from pdvol.levels.attachments import attachment_springs  # it loads search trees and finite elements
+        if scene.attachments or scene.pulls or scene.hand:
+            from pdvol.levels.attachments import Pulls, attachment_springs  # it loads search trees and finite elements
 
             attachment_springs(scene, mesh, start)
+            Pulls(scene, mesh, mesh).check()
         cell_materials(scene, mesh)
     for support in scene.supports:
         supported_points(scene, support, mesh, level, start)

@@ -9,7 +9,7 @@ import numpy as np
 from pdvol.levels.model import ContactModel, LevelModel
 from pdvol.levels.script import Obstacle, Script
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.attachments import Attachments
+from pdvol.potentials.attachments import Attachments, Pulling
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
@@ -62,6 +62,7 @@ def build_terms(
     loads = load_terms(model.loads, space, mass)
     loads += tuple(ActiveFibres(space, muscle, model.materials.smoothing) for muscle in model.muscles)
     loads += tuple(Attachments(space, springs) for springs in model.springs)
+    loads += tuple(Pulling(space, pulls) for pulls in model.pulls)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
     users = tuple(make(model, space) for make in own)
     return Terms(mass, (*elastic, *loads, *users, *contacts, *held, *frictions), contacts, frictions)

@@ -4,11 +4,12 @@ Step s of a run follows from its states up to step s - 1 and the settings. So a 
 states are those of a run with the same meshes, time step and integrator, with the same supports, and obstacles and
 supports at the same places up to step s: their motions may differ from then on. What else differs (materials, loads,
 friction, solver) acts from step s + 1 on. A level that the first run had not brought to that step cannot be refined in
-the branch then: it would have the new settings from its start. Where motions alone differ, it can: up to step s they
-are the same. `run.json` names the first run.
+the branch then: it would have the new settings from its start. Where motions, or what a hand does, alone differ, it
+can: up to step s they are the same. `run.json` names the first run.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,9 @@ from pdvol.levels.scene_fields import start_positions, support_label, supported_
 from pdvol.levels.script import HeldPoints, Obstacle, Script
 from pdvol.runs.scene_file import Shot, both_described, kept_value
 from pdvol.runs.separation import build_apart
+from pdvol.scene import RECORD, Hand
 from pdvol.scene.fingerprint import differences
+from pdvol.scene.hand import same_up_to
 from pdvol.store.copying import copy_run, require_new
 from pdvol.store.files import write_json
 from pdvol.store.folder import hold, require_scene
@@ -60,6 +63,9 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
         raise InputError(f"{source} has no step {step} to go on from; there are 0 to {steps - 1}")
     if step >= shot.scene.steps:
         raise InputError(f"step {step} is the end of the shot, which has {shot.scene.steps} steps")
+    hand = shot.scene.hand
+    if shot.scene.played is not None:  # it goes on from what the run's hand has done
+        shot = replace(shot, scene=replace(shot.scene, hand=run.hand or hand))
     _check_same(run, shot, step)
     reached = next((i for i, level in enumerate(run.levels) if level.steps <= step), len(run.levels))
     if last >= reached:
@@ -68,11 +74,21 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
             f" did; go on with levels 0:{reached - 1}, or from an earlier step"
         )
     _check_states(run, shot, step, last, source)
+    moved = [each.line(step)["obstacles"] if each else {} for each in (run.hand, shot.scene.hand)]
+    if moved[0] != moved[1]:
+        raise InputError(_moved_otherwise("what a hand has shifted", step, step))
     info = copy_run(source, out, step + 1, last + 1)
     before, now = both_described(info, shot)
     rest = [{key: value for key, value in d.items() if key not in MOVED_PARTS} for d in (before, now)]
     whole = rest[0] == rest[1] and run.info.get("branched", {}).get("whole", True)
+    whole = whole and same_up_to(step, run.hand, shot.scene.hand)
+    info.pop("hand", None)
     with hold(out):
+        if hand is None:
+            (out / RECORD).unlink(missing_ok=True)
+        else:
+            info |= {"hand": RECORD, "channel": hand.channel}
+            Hand(out / RECORD).keep(step)
         if before != now:
             _forget(out, step)
         info |= {

@@ -14,7 +14,7 @@ from pdvol.integrate.marches import Start
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Script
-from pdvol.registry import INTEGRATORS
+from pdvol.registry import INTEGRATORS, STUDIO
 from pdvol.runs.progress import Progress
 from pdvol.stages import stage
 
@@ -52,10 +52,13 @@ def run_level(
         return
     with stage(f"preparing level {level}"):
         integrator = INTEGRATORS[model.integrator]()
+        played = [pulls.hand for pulls in model.pulls if pulls.hand is not None and pulls.hand.channel is not None]
+        player = STUDIO["player"](model, played[0], max(done - 1, 0)) if played and level == 0 else None
         lead = Lead(hierarchy, method, _coarse(model, integrator, writer))
         start = _start(model, lead, integrator, writer, done)
         writer.call("set_level_state", level, "running")
         march = level_march(model, lead, integrator, start, show=lasts)
+        march = march if player is None else player.led(march)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:

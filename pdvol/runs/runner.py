@@ -1,6 +1,8 @@
 """From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. Collective."""
 
+import dataclasses
 import platform
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
@@ -31,8 +33,9 @@ from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
-from pdvol.scene import Scene
+from pdvol.scene import RECORD, Hand, Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
+from pdvol.scene.hand import same_up_to
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable, require_place
@@ -117,6 +120,8 @@ def run_scene(
     on_root(comm, lambda: _check_folder(out, first, last, method, resume or first > 0, how.replace))
     if wavefront and shot.file is None:
         raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
+    if scene.played is not None and comm.size > 1:
+        raise InputError("a hand plays level 0 on one rank; leave out mpirun")
     if wavefront and comm.size > 1:
         raise InputError("--wavefront starts a process per level; leave out mpirun, or run levels one after the other")
     require_ranks(ranks, comm)
@@ -133,7 +138,8 @@ def run_scene(
             if wavefront is None and not alone:
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
-            ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
+            wanted = lambda level: ranks if level or scene.played is None else 1
+            ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, wanted(level))
             if wavefront:
                 if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, how.progress):
                     marched = range(0)
@@ -153,6 +159,8 @@ def run_scene(
                     model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
                 run_level(model, hierarchy, method, writer, how.progress)
         finally:
+            if scene.played is not None:
+                _end_take(writer, scene.played)
             writer.close()
     if levels.refused is not None:
         raise levels.refused
@@ -168,7 +176,20 @@ def refine_run(out: str | Path, last: int, how: Execution = USUAL) -> Path:
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
     shot = stored_shot(info, is_own_run(Path(out), file))
+    if shot.scene.played is not None:  # its process was killed
+        hand = Hand(shot.scene.played.file)
+        scene = dataclasses.replace(shot.scene, hand=hand, steps=min(shot.scene.steps, hand.steps))
+        shot = dataclasses.replace(shot, scene=scene)
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, how)
+
+
+def _end_take(writer: SharedWriter, hand: Hand) -> None:
+    """A take is as long as its level 0 has come."""
+    done = max(0, writer.call("steps", 0) - 1)
+    hand.keep(done)
+    writer.call("update_info", steps=done, channel=None)
+    if read_info(writer.path)["levels"][0]["state"] == "running":
+        writer.call("set_level_state", 0, "done")
 
 
 def _in_processes(writer: SharedWriter, counts: dict[int, int], wanted: int | None, progress: Watch | None) -> bool:
@@ -267,6 +288,8 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
             raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder")
     changed, same, levels_changed = differences_by_level(*both_described(run.info, shot))
     changed += [] if same else levels_changed
+    if not same_up_to(run.levels[0].steps - 1, run.hand, shot.scene.hand):
+        changed.append("what a hand did")
     if changed:
         more = f"; and {len(changed) - LISTED_CHANGES} more" if len(changed) > LISTED_CHANGES else ""
         raise InputError(
@@ -317,6 +340,12 @@ def _open_writer(
         info |= {key: value for key, value in (("up", way_up(scene, meshes[0].dim)), ("mended", mended)) if value}
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities, replace)
         writer.update_info(solvers=[_solver(scene, writer)])
+    if scene.hand is not None:
+        writer.update_info(hand=RECORD, channel=scene.hand.channel)
+        if scene.played is not None:
+            scene.hand.keep(max(0, writer.steps(0) - 1))
+        elif scene.hand.file.resolve() != (out / RECORD).resolve():
+            shutil.copyfile(scene.hand.file, out / RECORD)
     writer.write_obstacles(drawn)
     writer.write_render_meshes(rendered)
     return writer

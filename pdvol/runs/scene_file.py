@@ -13,7 +13,7 @@ from pdvol.errors import InputError, PdvolError
 from pdvol.registry import STUDIO
 from pdvol.runs.known_scenes import allow
 from pdvol.runs.scene_modules import error_text, load_module
-from pdvol.scene import Pascal, Relative, Scene
+from pdvol.scene import Hand, Pascal, Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
 
@@ -26,6 +26,7 @@ DEFAULTS = {
     "attachments": [],
     "muscles": [],
     "elements": "linear",
+    "pulls": [],
 }
 """What a description leaves out, as those of runs stored before there was a choice do."""
 
@@ -103,7 +104,11 @@ def stored_file(info: Mapping) -> Path:
 def stored_shot(info: Mapping, trusted: bool = False) -> Shot:
     """The shot that `run.json` describes, with its settings and steps; raises as `stored_file` and `load_shot`."""
     settings = {name: stored_value(value) for name, value in info["parameters"].items()}
-    return load_shot(stored_file(info), settings, info["steps"], trusted)
+    shot, channel = load_shot(stored_file(info), settings, info["steps"], trusted), info.get("channel")
+    if "hand" not in info:
+        return shot
+    hand = Hand(Path(info["hand"]), None if channel is None else Path(channel))
+    return replace(shot, scene=replace(shot.scene, hand=hand))
 
 
 def both_described(info: Mapping, shot: Shot) -> tuple[dict, dict]:
@@ -135,13 +140,18 @@ def stored_value(value: Any) -> Any:
 
 
 def load_shot(
-    file: str | Path, settings: Mapping | None = None, steps: int | None = None, trusted: bool = True
+    file: str | Path,
+    settings: Mapping | None = None,
+    steps: int | None = None,
+    trusted: bool = True,
+    hand: Path | None = None,
 ) -> Shot:
     """Runs a scene file's `scene(**parameters)`; settings of the solver and the penalty go there instead.
 
     Parameters
     ----------
     trusted : whether it may run if it, or a module beside it, has not run here before, with these texts in settings
+    hand : the record of a hand that the scene gets, and its number of steps where `steps` is not given
 
     Raises
     ------
@@ -165,6 +175,11 @@ def load_shot(
     if not isinstance(scene, Scene):
         raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
     scene = scene.with_settings(**{name: value for name, value in settings.items() if name not in given})
+    if hand is not None:
+        if not hand.is_file():
+            raise InputError(f"{hand}, what a hand did, is missing")
+        scene = replace(scene, hand=Hand(hand))
+        steps = Hand(hand).steps if steps is None else steps
     if steps is not None:
         scene = replace(scene, steps=steps)
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))

@@ -31,8 +31,8 @@ from pdvol.scene import (
     Pressure,
     Scene,
     Sequential,
-    Still,
     metres,
+    stands,
 )
 
 
@@ -57,11 +57,13 @@ def modelled_terms(scene: Scene) -> list[str]:
     lines += [f"load: {_load(load)}" for load in scene.loads]
     lines += [_muscle(muscle) for muscle in scene.muscles]
     lines += [_attachment(attachment) for attachment in scene.attachments]
+    lines += [f"pull: {p.body!r} at {p.where}, from {p.times[0]:g} to {p.times[-1]:g} s" for p in scene.pulls]
+    lines += [f"hand: {scene.hand.steps} steps"] if scene.hand else []
     for s in scene.supports:
         until = f", released at {s.release:g} s" if np.isfinite(s.release) else ""
         lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
     for o in scene.obstacles:
-        moving = "" if isinstance(o.motion, Still) else f", moving ({_named(o.motion)})"
+        moving = "" if stands(o.motion) else f", moving ({_named(o.motion)})"
         surface = f"{'deforming' if isinstance(o, Deforming) else 'rigid'} surface"
         lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else surface}{moving}")
     if _is_plane(scene):

@@ -38,7 +38,9 @@ class SceneFields:
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles: Sequence[Obstacle]):
         self.level, self._run, diagonal = run.levels[level], run, run.info["diagonal"]
-        alone = all(body.uniform for body in scene.bodies) and not (scene.attachments or scene.muscles)
+        alone = all(body.uniform for body in scene.bodies) and not (
+            scene.attachments or scene.muscles or scene.pulls or scene.hand
+        )
         if level == 0 or alone:
             space = LevelSpace(self.level.mesh, MPI.COMM_SELF)
             model = level_model(scene, self.level.mesh, level, diagonal, obstacles)

@@ -5,12 +5,14 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 (docs/input.md).
 """
 
-from pdvol.scene.attachments import Attachment
+from pdvol.scene.attachments import Attachment, Pull
 from pdvol.scene.bodies import Body, Separate, Shape
 from pdvol.scene.contact import Barrier, Friction, Pascal
+from pdvol.scene.hand import RECORD, Hand
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import (
+    Led,
     Motion,
     Path,
     Rotation,
@@ -20,6 +22,7 @@ from pdvol.scene.motions import (
     keeps_shape,
     moved,
     rotation_matrix,
+    stands,
 )
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.placement import Placement

@@ -1,7 +1,8 @@
 """Motions of supports and obstacles: callables (X, t) -> x from rest positions (n, d) [m] and time [s]."""
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from pdvol.scene.checks import (
     takes,
     vector,
 )
-from pdvol.scene.element import Element
-from pdvol.scene.values import Vector, as_many
+from pdvol.scene.element import NOT_SIMULATED, Element
+from pdvol.scene.hand import Hand
+from pdvol.scene.values import Vector, as_many, interpolated
 
 Motion = Callable[[np.ndarray, float], np.ndarray]
 
@@ -108,7 +110,7 @@ class Path(Element):
             from scipy.interpolate import CubicSpline
 
             return X + CubicSpline(times, points, bc_type="natural")(t)
-        return X + np.array([np.interp(t, times, column) for column in points.T])
+        return X + interpolated(t, times, points)
 
 
 @dataclass(frozen=True, repr=False)
@@ -137,8 +139,45 @@ class Sequential(Element):
         return X
 
 
+@dataclass(frozen=True, repr=False)
+class Led(Element):
+    """A motion that a hand shifts, by offsets that are straight and even between the ends of steps.
+
+    Attributes
+    ----------
+    own : the scripted motion
+    name : of what moves, in the hand's record
+    hand : Hand
+    dt : length of a step [s]
+    """
+
+    own: Motion
+    name: str
+    hand: Hand = field(metadata={NOT_SIMULATED: True})
+    dt: float = field(metadata={NOT_SIMULATED: True})
+
+    def offset(self, t: float, dim: int) -> np.ndarray:
+        """(dim,) [m] at a time [s]; where a step ends, the record's to the last bit."""
+        at = lambda step: np.asarray(self.hand.line(step)["obstacles"].get(self.name, np.zeros(dim)), dtype=float)
+        step = round(t / self.dt)
+        if step * self.dt == t:
+            return at(step)
+        share, before = math.modf(t / self.dt)
+        return (1.0 - share) * at(int(before)) + share * at(int(before) + 1)
+
+    def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
+        return self.own(X, t) + self.offset(t, X.shape[1])
+
+
+def stands(motion: Any) -> bool:
+    """Whether a motion is none, as it is scripted."""
+    return isinstance(motion.own if isinstance(motion, Led) else motion, Still)
+
+
 def keeps_shape(motion: Any) -> bool:
     """Whether a motion is known to move what it moves rigidly. Of users' own motions nothing is known."""
+    if type(motion) is Led:
+        return keeps_shape(motion.own)
     if type(motion) is Sequential:
         return all(keeps_shape(part) for part in motion.motions)
     return type(motion) in (Still, Translation, Rotation, Path)

@@ -6,16 +6,17 @@ from functools import partial
 from typing import Any, get_args
 
 from pdvol.registry import ELEMENTS, INTEGRATORS
-from pdvol.scene.attachments import Attachment
+from pdvol.scene.attachments import Attachment, Pull
 from pdvol.scene.bodies import Body, Separate
-from pdvol.scene.checks import choice, count, finite, positive, require, several
+from pdvol.scene.checks import choice, count, finite, instance, optional, positive, require, several
 from pdvol.scene.contact import Barrier, Friction
-from pdvol.scene.element import Element
+from pdvol.scene.element import NOT_SIMULATED, Element
+from pdvol.scene.hand import Hand
 from pdvol.scene.jitter import jittered
 from pdvol.scene.loads import Impulse, Load
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.solver import Penalty, Solver
-from pdvol.scene.surroundings import Obstructing, Support
+from pdvol.scene.surroundings import Obstructing, Rigid, Support, led
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
 
@@ -42,6 +43,8 @@ class Scene(Element):
     attachments : sequence of Attachment, springs between bodies
     muscles : sequence of Muscle, parts of bodies that contract
     elements : "smoothed", which do not lock, or "linear"; a body may have others
+    pulls : sequence of Pull, springs that draw bodies to points that move
+    hand : Hand, whose pulls and shifts are played again; `pdvol run --hand` gives it
 
     Raises
     ------
@@ -65,6 +68,8 @@ class Scene(Element):
     attachments: Sequence[Attachment] = ()
     muscles: Sequence[Muscle] = ()
     elements: str = ELEMENTS[0]
+    pulls: Sequence[Pull] = ()
+    hand: Hand | None = field(default=None, metadata={NOT_SIMULATED: True})  # it may grow: `same_up_to` compares it
 
     whose = ""
     checks = {
@@ -81,16 +86,22 @@ class Scene(Element):
         "attachments": several(Attachment, "Attachment(body, other, where)"),
         "muscles": several(Muscle, "Muscle(body, fibre, strength)"),
         "elements": choice(*ELEMENTS),
+        "pulls": several(Pull, "Pull(body, where, times, points)"),
+        "hand": optional(instance(Hand)),
     }
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for key in ("obstacles", "supports"):
+            object.__setattr__(self, key, led(getattr(self, key), self.hand, self.dt))
+        movable = [o.name for o in self.obstacles if isinstance(o, Rigid) and o.movable]
+        require(len(set(movable)) == len(movable), f"movable obstacles must have different names, not {movable}")
         require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]
         require(len(set(names)) == len(names), f"bodies must have different names, not {names}")
         counts = {b.levels for b in self.bodies}
         require(len(counts) == 1, f"all bodies need the same number of levels, not {sorted(counts)}")
-        for element in (*self.supports, *self.loads, *self.muscles, *self.attachments):
+        for element in (*self.supports, *self.loads, *self.muscles, *self.attachments, *self.pulls):
             some = ("", *names) if isinstance(element, (Support, *get_args(Load))) else names
             article = "an" if isinstance(element, Attachment | Impulse) else "a"
             for name in (getattr(element, key) for key in ("body", "other") if hasattr(element, key)):
@@ -120,6 +131,11 @@ class Scene(Element):
                 one in bodies or other in bodies,
                 f"Friction.pairs names the obstacles {one!r} and {other!r}, which never touch",
             )
+
+    @property
+    def played(self) -> Hand | None:
+        """Its hand, while level 0 is played."""
+        return self.hand if self.hand is not None and self.hand.channel is not None else None
 
     @property
     def levels(self) -> int:

@@ -1,7 +1,7 @@
 """Obstacles, rigid and deforming, and supports."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,9 @@ import numpy as np
 
 from pdvol.meshes import Outline, Surface
 from pdvol.scene.checks import anything, instance, mask, moment, positive, require, takes, vector
-from pdvol.scene.element import Element
-from pdvol.scene.motions import Motion, Still
+from pdvol.scene.element import NOT_SIMULATED, Element
+from pdvol.scene.hand import Hand
+from pdvol.scene.motions import Led, Motion, Still
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import PointCache
 from pdvol.scene.values import Vector
@@ -71,6 +72,7 @@ class Rigid(Element):
     name : of this obstacle, for friction and messages
     closed : of an outline, whether its last point is joined to its first
     opacity : above 0 and at most 1: how pictures draw a surface; below 1 what is behind shows through
+    movable : whether a hand may shift it from its motion
     """
 
     shape: str | Path | Outline | Surface
@@ -79,6 +81,7 @@ class Rigid(Element):
     name: str = "obstacle"
     closed: bool = True
     opacity: float = 1.0
+    movable: bool = field(default=False, metadata={NOT_SIMULATED: True})
 
     whose = "obstacle {name!r}: "
     checks = {"motion": _moves_rigidly, "closed": anything, "opacity": partial(positive, highest=1.0)}
@@ -123,17 +126,37 @@ class Support(Element):
     motion : callable (X, t) -> x, X where they are at t = 0; Still() fixes them. A PointCache moves those on the body's
         surface alone
     release : time [s]; they are free in all steps that begin then or later
+    movable : as of `Rigid`, not with a PointCache
     """
 
     where: Callable[[np.ndarray], np.ndarray]
     body: str = ""
     motion: Motion | PointCache = Still()
     release: float = np.inf
+    movable: bool = field(default=False, metadata={NOT_SIMULATED: True})
 
     checks = {"where": mask, "motion": _moves, "release": moment}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(
+            not (self.movable and isinstance(self.motion, PointCache)), "a Support that is movable takes no PointCache"
+        )
 
     def holds(self, time: float, dt: float) -> bool:
         """Whether a step of dt [s] that begins at `time` [s] still holds them; times are compared to a millionth of the
         step.
         """
         return time < self.release - 1e-6 * dt
+
+
+def led(things: Sequence[Any], hand: Hand | None, dt: float) -> tuple[Any, ...]:
+    """Obstacles or supports, of which a hand shifts the movable ones."""
+    if hand is None:
+        return tuple(things)
+
+    def shifted(number: int, each: Any) -> Any:
+        own, name = each.motion.own if isinstance(each.motion, Led) else each.motion, f"support {number}"
+        return replace(each, motion=Led(own, getattr(each, "name", name), hand, dt))
+
+    return tuple(shifted(i, each) if getattr(each, "movable", False) else each for i, each in enumerate(things))

@@ -71,9 +71,12 @@ class Keyed(Element):
 
     def __call__(self, time: float) -> float | np.ndarray:
         values = np.asarray(self.values, dtype=float)
-        if not self.is_vector:
-            return float(np.interp(time, self.times, values))
-        return np.array([np.interp(time, self.times, component) for component in values.T])
+        return interpolated(time, self.times, values) if self.is_vector else float(np.interp(time, self.times, values))
+
+
+def interpolated(time: float, times: Vector, values: Sequence[Vector] | np.ndarray) -> np.ndarray:
+    """(d,) vectors (k, d) at ascending times (k,), straight and even in between: at each of these to the last bit."""
+    return np.array([np.interp(time, times, component) for component in np.asarray(values, dtype=float).T])
 
 
 def as_many(keys: Element, *names: str) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pdvol.errors import InputError, SimulationError
+from pdvol.scene import RECORD, Hand
 from pdvol.store.files import TEMPORARY, jsonable, write_json
 from pdvol.store.folder import RUN_FORMAT, late_file, level_folder, run_state
 from pdvol.store.log import write_known
@@ -49,6 +50,10 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
             aside.replace(copied)
         for level, count in zip(kept, counts, strict=True):
             States(level_folder(target, level.index), level.rest.shape).extend(level.positions, count)
+        if run.hand is not None:
+            shutil.copyfile(run.hand.file, target / RECORD)
+            if steps is not None:
+                Hand(target / RECORD).keep(steps - 1)
     except OSError as error:
         raise SimulationError(f"cannot copy {source} to {target}: {error.strerror or error}") from error
     write_known(source / "log.jsonl", target / "log.jsonl", dict(enumerate(counts)))

@@ -5,6 +5,7 @@
 | run.json | parameters, versions, sizes, state |
 | run.lock | locked while a process writes |
 | log.jsonl | one object for each level and step |
+| hand.jsonl | what a hand did in each step (`pdvol.scene.hand`) |
 | obstacles.json, obstacles/<i>.npz | obstacles, for pictures |
 | render.json, render/<i>.npz, levels/<l>/render_<i>.npz | surfaces drawn in the place of bodies |
 | levels/<l>/mesh.npz | points, cells, bodies, regions, places |
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from pdvol.errors import InputError
+from pdvol.scene import RECORD
 from pdvol.store.files import TEMPORARY, lock, make_folder, read_json, require_place, write_json
 
 RUN_FORMAT = 2  # of run.json: increased when an older pdvol cannot read new folders
@@ -51,6 +53,8 @@ def read_info(path: Path) -> dict:
             " use the pdvol that wrote it"
         )
     _require_entries(path, info, "dt", "levels")
+    if "hand" in info:  # the folder may have moved
+        info["hand"] = str(path.resolve() / RECORD)
     return info
 
 
@@ -147,7 +151,7 @@ def claim(path: Path, replace: bool = False) -> TextIO:
 def _discard(path: Path) -> None:
     """Remove a run, so that a kill leaves what may be replaced."""
     write_json(path / "run.json", {**read_info(path), "state": "creating"})
-    for name in ("log.jsonl", "obstacles.json", "render.json"):
+    for name in ("log.jsonl", RECORD, "obstacles.json", "render.json"):
         (path / name).unlink(missing_ok=True)
     for name in ("levels", "obstacles", "render"):
         shutil.rmtree(path / name, ignore_errors=True)

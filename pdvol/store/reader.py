@@ -13,6 +13,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.scene import RECORD, Hand
 from pdvol.store.files import lock, read_array, read_arrays, require_no_link_out
 from pdvol.store.folder import OLD_FORMAT, late_file, level_folder, read_info
 from pdvol.store.log import read_log
@@ -178,10 +179,12 @@ class RunLevel:
         return self.space(comm).function(self.positions(step) - self.rest, "displacement")
 
     def placed(self, obstacles: Sequence[DrawnObstacle], step: int) -> tuple[DrawnObstacle, ...]:
-        """The run's obstacles; where contact held them back on this level, as they were at that step."""
-        path = late_file(self.folder, step)
+        """The run's obstacles at a step: where a hand has shifted them, or contact held them back on this level."""
+        path, hand = late_file(self.folder, step), self._run.hand
         if not path.exists():
-            return tuple(obstacles)
+            by = hand.line(step)["obstacles"] if hand else {}
+            at = lambda o: o.held({"vertices": o.vertices(step) + by[o.name]})
+            return tuple(at(o) if o.name in by and "vertices" in o.arrays else o for o in obstacles)
         arrays = read_arrays(path, ())
         late = [
             {key.partition(".")[2]: value for key, value in arrays.items() if key.partition(".")[0] == str(i)}
@@ -269,6 +272,11 @@ class Run:
                     records.setdefault(record["level"], {})[record["step"]] = record
             self._log = stamp, records
         return self._log[1]
+
+    @cached_property
+    def hand(self) -> Hand | None:
+        """The record of its hand; None of a run without one."""
+        return Hand(self.path / RECORD) if "hand" in self.info else None
 
     @cached_property
     def obstacles(self) -> tuple[DrawnObstacle, ...]:

@@ -63,11 +63,11 @@ class Tab:
         self.page.goto(address.resolve().as_uri() if isinstance(address, Path) else address)
         return self
 
-    def until(self, expression: str) -> None:
+    def until(self, expression: str, patience: float = PATIENCE) -> None:
         """Wait until an expression of JavaScript holds; pages whose policy forbids `eval` have no other way."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + patience
         while not self.page.evaluate(expression):
-            assert time.monotonic() < end, f"{expression} did not hold within {PATIENCE:g} s; {self.complaints}"
+            assert time.monotonic() < end, f"{expression} did not hold within {patience:g} s; {self.complaints}"
             self.page.wait_for_timeout(30)
 
     def picture(self, selector: str | None = None, path: Path | None = None) -> np.ndarray:

@@ -58,6 +58,7 @@ TERMS = {  # a length [m] over which remainders show, and whether the energy is 
     "drag": (1e-2, {}),
     "muscle": (1e-2, {"quadratic": True}),
     "attachment": (1e-2, {}),
+    "pull": (1e-2, {}),
     "consistency": (1e-2, {"quadratic": True}),
     "plane barrier": (2e-4, {}),
     "surface barrier": (2e-4, {}),
@@ -131,6 +132,7 @@ class Built:
             attachments=(
                 pdvol.Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.7, stiffness=30.0, rest_length=0.5),
             ),
+            pulls=(pdvol.Pull("body 0", (1.0,) * d, (T0, T0 + 1.0), [(1.2,) * d, (3.0,) * d], 30.0, 0.8),),
             obstacles=(
                 pdvol.Plane((0.0,) * d, tuple(up), move)
                 if ground == "plane"

@@ -66,7 +66,7 @@ class Frame:
 
 def seen(scene: pdvol.Scene, frame: Frame) -> pdvol.Scene:
     """The scene from a frame. Shapes are placed by this module, so placements are compared with those of pdvol."""
-    parts = ("bodies", "loads", "supports", "obstacles", "contact", "attachments", "muscles")
+    parts = ("bodies", "loads", "supports", "obstacles", "contact", "attachments", "muscles", "pulls")
     solver = replace(scene.solver, tolerance=speed(scene.solver.tolerance, frame))
     put_all = {name: tuple(put(item, frame) for item in getattr(scene, name)) for name in parts}
     return replace(scene, dt=frame.time * scene.dt, solver=solver, **put_all)
@@ -324,6 +324,13 @@ def _(springs: pdvol.Attachment, frame):
 
 
 @put.register
+def _(pull: pdvol.Pull, frame):
+    where, *points = map(tuple, frame.points(np.array([pull.where, *pull.points])))
+    stiffness, times = frame.unit(1, 0, -2) * pull.stiffness, timed(pull.times, frame)
+    return pdvol.Pull(pull.body, where, times, points, stiffness, frame.length * pull.radius)
+
+
+@put.register
 def _(barrier: pdvol.Barrier, frame):
     return replace(barrier, dhat=length(barrier.dhat, frame))
 
@@ -361,6 +368,7 @@ def drifting(scene: pdvol.Scene, velocity: np.ndarray) -> pdvol.Scene:
         supports=tuple(replace(each, motion=driven(each.motion)) for each in scene.supports),
         obstacles=tuple(replace(each, motion=driven(each.motion)) for each in scene.obstacles),
         loads=tuple(blown(load) for load in scene.loads),
+        pulls=tuple(replace(p, points=np.array(p.points) + np.outer(p.times, u)) for p in scene.pulls),
     )
 
 

@@ -227,6 +227,15 @@ def load(draw, dim: int, of: pdvol.Body):
     return pdvol.Pressure(of.name, draw(st.sampled_from([200.0, pdvol.Keyed((0.0, 0.1), (0.0, 500.0))])))
 
 
+def pull(draw, dim: int, of: pdvol.Body) -> pdvol.Pull:
+    """From a side of a body to some way off, and back."""
+    middle, away = np.array(of.placement.translate), np.array(draw(vectors(dim, 0.4)))
+    begin, duration = draw(st.sampled_from([0.0, 0.013, 0.04])), draw(numbers(0.03, 0.2))
+    points = [tuple(middle + share * away) for share in (0.1, 1.0, 0.0)]
+    times = (begin, begin + 0.5 * duration, begin + duration)
+    return pdvol.Pull(of.name, points[0], times, points, 10.0 ** draw(numbers(1.0, 4.0)), draw(numbers(0.01, 0.15)))
+
+
 def gravity(draw, dim: int) -> pdvol.Gravity:
     down = (0.0, -9.81, *(0.0,) * (dim - 2))
     return pdvol.Gravity(
@@ -280,6 +289,7 @@ def scenes(draw, extreme: bool = False, pressed: bool = False) -> pdvol.Scene:
     ]
     return pdvol.Scene(
         bodies,
+        pulls=[pull(draw, dim, one) for one in bodies if some(draw, 0.15)],
         dt=draw(st.sampled_from([1e-4, 1e-3, 0.01, 0.04, 0.1] if extreme else [0.02, 0.04, 0.01, 0.005])),
         steps=3 if extreme else draw(st.integers(2, 10)),
         loads=loads,

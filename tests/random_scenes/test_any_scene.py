@@ -242,7 +242,7 @@ def slab_for_plane(scene: Scene, how: dict, base: Path, seed: int) -> None:
 def isolated(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """Without anything outside, the bodies' common centre goes straight on, on any level alone."""
     loads = [each for each in scene.loads if isinstance(each, Pressure)]
-    scene = replace(scene, loads=loads, supports=(), obstacles=())
+    scene = replace(scene, loads=loads, supports=(), obstacles=(), pulls=())
     last, masses, damped = -1, np.empty(0), any(each.damping for each in materials_of(scene))
     for step in steps(scene, method="direct"):
         if step.level != last:
@@ -291,7 +291,9 @@ def rubs_at_first(scene: Scene, how: dict, base: Path, seed: int) -> None:
     friction is at most mu times the normal forces that this step has.
     """
     d, mu, gap = dimension(scene), 0.4, THIN * np.random.default_rng(seed).uniform(0.02, 0.9)
-    scene = replace(scene, bodies=scene.bodies[:1], obstacles=(), supports=(), loads=(), attachments=(), muscles=())
+    scene = replace(
+        scene, bodies=scene.bodies[:1], obstacles=(), supports=(), loads=(), attachments=(), muscles=(), pulls=()
+    )
     start = pdvol.march(scene, levels=0).model(0).start
     low, (up, along) = start[:, 1].min(), np.eye(d)[[1, 0]]
     scene = replace(
@@ -309,7 +311,7 @@ def rubs_at_first(scene: Scene, how: dict, base: Path, seed: int) -> None:
 
 def loses_energy(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """A step of implicit Euler minimises 1/2 |v' - v|^2 + E', which at x' = x is 1/2 |v|^2 + E: no energy is made."""
-    nothing = dict.fromkeys(("loads", "supports", "obstacles", "contact", "muscles", "attachments"), ())
+    nothing = dict.fromkeys(("loads", "supports", "obstacles", "contact", "muscles", "attachments", "pulls"), ())
     if any(each.keyed for each in materials_of(scene)):
         return
     scene, energy, velocity = replace(scene, **nothing, integrator="implicit_euler"), None, None

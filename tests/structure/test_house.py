@@ -40,7 +40,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "studio.play": STORED | {"measure", "studio", "studio.draw"},
     "studio.wedge": STORED | {"measure", "runs", "studio", "studio.draw"},
     "studio.study": STORED | {"levels", "measure", "runs", "studio", "studio.draw", "studio.wedge"},
-    "studio.live": STORED | {"meshing", "runs", "studio", "studio.draw", "studio.wedge"},
+    "studio.live": STORED | {"runs", "studio", "studio.draw", "studio.play", "studio.wedge"},
 }
 WING = {name for name in MAY_IMPORT if name.startswith("studio")}
 """The tools; "studio" is what lies beside its folders."""

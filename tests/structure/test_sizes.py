@@ -13,15 +13,15 @@ import pytest
 from benchmarks.common.commits import MissingObject, Repository
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST_BYTES = {"a file": 500_000, "the tree": 18_600_000}
+MOST_BYTES = {"a file": 500_000, "the tree": 18_690_000}
 LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 """Files that may be larger: a library that players and live pages carry whole."""
 CODE = (".py", ".c", ".h", ".js")
 LINES = {
     # part: (folders or files, lines of code at most)
     "core": (("pdvol", "forms", "meshes"), 32_680),
-    "studio": (("pdvol/studio",), 11_550),
-    "tests": (("tests",), 34_800),
+    "studio": (("pdvol/studio",), 12_250),
+    "tests": (("tests",), 36_000),
     "benchmarks": (("benchmarks",), 4_835),
     "demos": (("demos",), 3_850),
 }

@@ -8,11 +8,12 @@ from pdvol.errors import InputError
 from pdvol.runs.stage_lines import SO_FAR
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
+from pdvol.studio.live.channel import REMARK, Channel
 from pdvol.studio.wedge.worker import Worker, last_line
 
 
 class LiveRun:
-    """A run folder that a worker fills.
+    """A run folder that a worker fills. A take is one that a hand has directed.
 
     Attributes
     ----------
@@ -26,6 +27,8 @@ class LiveRun:
     finest, refined : the finest level wanted, and the finest one that was ordered
     worker : what computes it now; None where nothing does
     kept : the folder that it is copied to
+    hand : what directs it; None for a run that is no take
+    played : whether the hand directs it now
     first_state : seconds from the change to its first stored state; None before
     """
 
@@ -37,9 +40,11 @@ class LiveRun:
         requested: float,
         branch: "tuple[LiveRun, int] | None" = None,
         note: str = "",
+        hand: Channel | None = None,
     ):
         self.number, self.folder, self.log = number, folder, folder.with_suffix(".log")
-        self.values, self.branch, self.note = values, branch, note
+        self.values, self.branch, self.note, self.hand = values, branch, note, hand
+        self.played = hand is not None
         self.state, self.reason = "waiting", ""
         self.finest = self.refined = 0
         self.worker: Worker | None = None
@@ -47,6 +52,7 @@ class LiveRun:
         self.first_state: float | None = None
         self._requested = requested
         self._run: Run | None = None
+        self._remark = ""
         self._stamp = 0
 
     @property
@@ -59,6 +65,13 @@ class LiveRun:
         """What its command line says of a step, or a preparation, that takes long; empty where none does."""
         line = last_line(self.log) if self.running else ""
         return line if line.endswith(SO_FAR) else ""
+
+    @property
+    def remark(self) -> str:
+        """What it has said last of a hand that it cannot follow."""
+        if self.played and self.running:
+            self._remark = last_line(self.log, REMARK) or self._remark
+        return self._remark
 
     def look(self) -> bool:
         """Read what has been stored since; whether there is a state to show."""
@@ -95,8 +108,3 @@ class LiveRun:
         """The number of coarsest levels that have a step."""
         levels = [] if self._run is None else list(self._run.levels)
         return next((i for i, level in enumerate(levels) if level.steps <= step), len(levels))
-
-    def finest_with(self, step: int, wanted: int | None = None) -> int:
-        """The finest level that has a step, `wanted` at most; 0 where none has it."""
-        count = self.levels_with(step)
-        return max(0, count - 1 if wanted is None else min(wanted, count - 1))

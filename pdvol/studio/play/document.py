@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -13,7 +14,7 @@ from markupsafe import Markup
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.files import jsonable, write_bytes
-from pdvol.studio.draw.camera import VIEW_ANGLE, content_of_run, fitted_camera, front_of
+from pdvol.studio.draw.camera import VIEW_ANGLE, Camera, content_of_run, fitted_camera, front_of
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.studio.play.curves import GRAPHS, UNITS, Curves
 from pdvol.studio.play.details import packed_details
@@ -26,6 +27,15 @@ from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, upward
 SCRIPTS = ("states.js", "shaders.js", "bodies.js", "view.js", "graphs.js", "controls.js")
 """The page's own scripts in the order in which they are loaded."""
 THREE_JS = "three-0.187.0"  # folder of the library within vendor/
+COLOURS = {
+    "background": BACKGROUND,
+    "ground": GROUND,
+    "obstacle": OBSTACLE,
+    "bodies": PALETTE,
+    "ink": INK,
+    "faint": FAINT_INK,
+}
+"""By use."""
 FRAMED_STATES = 12  # states of a level that the first camera must show: enough for the course of a motion
 DIGITS = 6  # of the numbers in graphs: more than a pixel shows
 
@@ -82,16 +92,8 @@ def player_page(panes: Sequence[Pane], title: str = "", columns: int | None = No
     curves = {id(pane.run): Curves(pane.run) for pane in shown if pane.run is not None}
     data = {
         "title": title,
-        "dim": dims.pop(),
         "camera": _camera(shown),
-        "colours": {
-            "background": BACKGROUND,
-            "ground": GROUND,
-            "obstacle": OBSTACLE,
-            "bodies": PALETTE,
-            "ink": INK,
-            "faint": FAINT_INK,
-        },
+        "colours": COLOURS,
         "graphs": GRAPHS,
         "units": UNITS,
         "fields": fields,
@@ -103,21 +105,16 @@ def player_page(panes: Sequence[Pane], title: str = "", columns: int | None = No
         ],
         "chunks": chunks.entries,
     }
-    environment = Environment(
-        loader=PackageLoader("pdvol.studio.play", "page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    return environment.get_template("player.html.jinja").render(
+    return rendered(
+        "player.html.jinja",
+        SCRIPTS,
         title=title or "pdvol player",
         data=jsonable(data),
         chunks=chunks.texts,
-        colours=data["colours"],
         field_labels={name: FIELDS[name][0] for name in fields},
         graphs=GRAPHS,
-        flat=data["dim"] == 2,
+        flat=dims == {2},
         detailed=any(pane.details for pane in shown),
-        style=_source("page/player.css"),
-        library=_source(f"vendor/{THREE_JS}/three.min.js"),
-        scripts=[_source(f"page/{name}") for name in SCRIPTS],
     )
 
 
@@ -156,9 +153,14 @@ def _camera(panes: Sequence[Pane]) -> dict:
         seen.append(content_of_run([pane.stored], steps, obstacles))
     first, dim = panes[0].run, panes[0].stored.rest.shape[1]
     up = upward(first) if first else np.array([0.0, 0.0, 1.0])
-    camera = fitted_camera(np.concatenate(seen), dim, up)
-    up, front = (up, front_of(up)) if dim == 3 else (camera.up, camera.towards)
+    return camera_entry(fitted_camera(np.concatenate(seen), dim, up), up)
+
+
+def camera_entry(camera: Camera, up: np.ndarray) -> dict:
+    """A camera as pages have it, with the directions of its buttons; `up` is the way up of a 3D scene."""
+    up, front = (up, front_of(up)) if camera.dim == 3 else (camera.up, camera.towards)
     return {
+        "dim": camera.dim,
         "right": camera.right,
         "up": camera.up,
         "towards": camera.towards,
@@ -172,6 +174,20 @@ def _camera(panes: Sequence[Pane]) -> dict:
         "front": front,
         "side": np.cross(up, front),
     }
+
+
+def rendered(template: str, scripts: Sequence[str], **values: Any) -> str:
+    """A page of the folder `page` with the style, the library and these scripts."""
+    environment = Environment(
+        loader=PackageLoader("pdvol.studio.play", "page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    return environment.get_template(template).render(
+        colours=COLOURS,
+        style=_source("page/player.css"),
+        library=_source(f"vendor/{THREE_JS}/three.min.js"),
+        scripts=[_source(f"page/{name}") for name in scripts],
+        **values,
+    )
 
 
 def _source(path: str) -> Markup:

@@ -33,15 +33,21 @@ class Skin:
 
 
 def packed_skin(level: RunLevel, steps: Sequence[int], chunks: Chunks, covered: Sequence[int] = ()) -> dict:
-    """A level's drawn vertices at some steps: `low` and `span` [m] of their box, `positions` and `faces`,
-    `bodies` and, in 2D, `outline` in `chunks`, and `error` [m], a bound for what the browser shows of a coordinate.
-    Faces of the bodies in `covered` come last; `uncovered` is the number of the others.
+    """A level's drawn vertices at some steps: `low` and `span` [m] of their box, `positions` in `chunks`, `error` [m],
+    a bound for what the browser shows of a coordinate, and what `packed_faces` gives.
     """
     skin = Skin(level)
     found = packed_states(lambda step: level.positions(step)[skin.vertices], steps, chunks)
+    return found | packed_faces(level, skin, chunks, covered)
+
+
+def packed_faces(level: RunLevel, skin: Skin, chunks: Chunks, covered: Sequence[int] = ()) -> dict:
+    """`faces`, `bodies` and, in 2D, `outline` of a level's drawn part in `chunks`. Faces of the bodies in `covered`
+    come last; `uncovered` is the number of the others.
+    """
     last = np.isin(skin.bodies[skin.faces[:, 0]], covered)
     faces = skin.faces[np.argsort(last, kind="stable")]
-    found |= {"faces": chunks.raw(faces.astype(np.uint32)), "bodies": chunks.raw(skin.bodies.astype(np.uint16))}
+    found = {"faces": chunks.raw(faces.astype(np.uint32)), "bodies": chunks.raw(skin.bodies.astype(np.uint16))}
     found["uncovered"] = int(np.count_nonzero(~last))
     if level.rest.shape[1] == 2:
         outline = np.searchsorted(skin.vertices, level.surface)
@@ -74,13 +80,20 @@ def packed_obstacles(
 def _packed_obstacle(at: Mapping[int, DrawnObstacle], chunks: Chunks) -> dict:
     steps = list(at)
     obstacle, first = at[steps[0]], steps[0]
-    found = {"kind": obstacle.kind, "name": obstacle.name}
     if obstacle.kind == "plane":
         places = [np.concatenate(o.plane(step)) for step, o in at.items()]
         rests = all(np.array_equal(place, places[0]) for place in places)
-        return found | {"places": places[:1] if rests else places}
+        return packed_shape(obstacle, chunks) | {"places": places[:1] if rests else places}
     rests = all(np.array_equal(o.vertices(step), obstacle.vertices(first)) for step, o in at.items())
-    found |= packed_states(lambda step: at[step].vertices(step), steps[:1] if rests else steps, chunks)
+    states = packed_states(lambda step: at[step].vertices(step), steps[:1] if rests else steps, chunks)
+    return packed_shape(obstacle, chunks) | states
+
+
+def packed_shape(obstacle: DrawnObstacle, chunks: Chunks) -> dict:
+    """An obstacle without its places: `kind` and `name`, and what lies between its vertices."""
+    found = {"kind": obstacle.kind, "name": obstacle.name}
+    if obstacle.kind == "plane":
+        return found
     if obstacle.kind == "mesh":
         opacity = float(obstacle.arrays.get("opacity", 1.0))
         return found | {"faces": chunks.raw(obstacle.arrays["faces"].astype(np.uint32)), "opacity": opacity}

@@ -183,12 +183,12 @@ class Workers:
         self._workers.clear()
 
 
-def last_line(log: Path) -> str:
-    """What a command line said last in its log, without its name."""
+def last_line(log: Path, beginning: str = "") -> str:
+    """What a command line said last in its log, without its name; of the lines with this beginning."""
     try:
         with open(log, "rb") as file:
             file.seek(max(0, log.stat().st_size - TAIL))
             lines = [line for line in file.read().decode(errors="replace").splitlines() if line.strip()]
     except OSError:
         return ""
-    return lines[-1].removeprefix("pdvol: ") if lines else ""
+    return next((line.removeprefix("pdvol: ") for line in reversed(lines) if line.startswith(beginning)), "")

@@ -1,50 +1,17 @@
 """What a live page sees at first and after "Fit view", without a browser."""
 
-from types import SimpleNamespace
-
 import numpy as np
-import pytest
 
 from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run
 from pdvol.studio.draw.camera import VIEW_ANGLE
 from pdvol.studio.live.frames import view, whole_view
-from pdvol.studio.live.page import Page
-from pdvol.studio.live.server import LocalServer
 
 
 def beside(camera, points) -> float:
     """How far points (n, 2) [m] are beside the middle, in half widths of a picture as high as it is wide."""
     half = max(1.0, camera.aspect) * camera.distance * np.tan(np.radians(VIEW_ANGLE / 2))
     return float(np.abs((points - camera.focus[:2]) @ camera.right[:2]).max() / half)
-
-
-@pytest.fixture
-def page(small_run):
-    pytest.importorskip("viser", reason="viser is an optional extra")
-    stored = open_run(small_run)
-    run = SimpleNamespace(number=1, branch=None, steps=stored.levels[0].steps, level_0_ended=True, stored=stored)
-    run.finest_with, run.values, run.state, run.running = lambda step, wanted: 0, {}, "done", False
-    run.first_state, run.note, run.reason, run.lasting, run.kept = None, "", "", "", None
-    session = SimpleNamespace(shown=run, current=run, paused=False, tick=lambda: None)
-    server = LocalServer("127.0.0.1", 0, "test")
-    yield Page(server, session, [], 1, "test")
-    server.stop()
-
-
-def test_fitting_the_view_of_a_stopped_page_does_not_play(page):
-    page.update()
-    page._move("first")
-    page._play_or_stop()
-    page.update()
-    assert page._play.label == "Stop"
-    page._play_or_stop()
-    page._move(">")
-    page.update()
-    page._respond(page._fit)
-    page.update()
-    assert (page._playback.step, page._playback.plays) == (1, False) and page._play.label == "Play"
-    assert page._drawn == (1, 0, 1), "it is drawn anew"
 
 
 def test_the_first_view_has_the_obstacles_that_the_shot_goes_to(small_run):

@@ -1,19 +1,16 @@
 // The scene of one pane: bodies and obstacles, as geometries whose vertices are two neighbouring stored states.
 "use strict";
 
-const FLAT = DATA.dim === 2;
-
 // Positions at all states, of which a geometry has two at a time.
 class Moving {
   constructor(packed, arrays) {
-    const { values, states, points } = arrays[packed.positions];
-    Object.assign(this, { values, states, points, fields: null, state: -1 });
+    const positions = arrays[packed.positions];
+    Object.assign(this, { positions, points: positions.points, fields: null, state: -1 });
     this.uniforms = { low: { value: vector(packed.low) }, span: { value: vector(packed.span) }, between: { value: 0 } };
-    this.now = new THREE.BufferAttribute(this.stateOf(0), 4, true);
-    this.next = new THREE.BufferAttribute(this.stateOf(Math.min(1, states - 1)), 4, true);
+    this.now = new THREE.BufferAttribute(positions.at(0), 4, true);
+    this.next = new THREE.BufferAttribute(positions.at(Math.min(1, positions.states - 1)), 4, true);
     this.attributes = { now: this.now, next: this.next };
   }
-  stateOf(state) { return this.values.subarray(state * this.points * 4, (state + 1) * this.points * 4); }
   withTints(tints) {
     this.attributes.tint = new THREE.BufferAttribute(tints, 4, true);
     this.fieldNow = this.attributes.fieldNow = new THREE.BufferAttribute(new Uint8Array(this.points), 1, true);
@@ -26,20 +23,20 @@ class Moving {
     geometry.setIndex(new THREE.BufferAttribute(index, 1));
     return geometry;
   }
-  colourBy(fields) {  // (states, points) bytes, or null
+  colourBy(fields) {  // States, or null
     this.fields = fields;
     this.state = -1;
   }
   goTo(position) {  // in steps; a few numbers for the graphics card, and an upload where the pair of states changes
-    const state = Math.min(Math.floor(position), this.states - 1), next = Math.min(state + 1, this.states - 1);
+    const last = this.positions.states - 1, state = Math.min(Math.floor(position), last), next = Math.min(state + 1, last);
     this.uniforms.between.value = Math.min(position - state, 1);
     if (state === this.state) return;
     this.state = state;
-    this.upload(this.now, this.stateOf(state));
-    this.upload(this.next, this.stateOf(next));
+    this.upload(this.now, this.positions.at(state));
+    this.upload(this.next, this.positions.at(next));
     if (!this.fields) return;
-    this.upload(this.fieldNow, this.fields.subarray(state * this.points, (state + 1) * this.points));
-    this.upload(this.fieldNext, this.fields.subarray(next * this.points, (next + 1) * this.points));
+    this.upload(this.fieldNow, this.fields.at(state));
+    this.upload(this.fieldNext, this.fields.at(next));
   }
   upload(attribute, values) {
     attribute.array = values;
@@ -82,13 +79,6 @@ function tintsOf(points, colourAt) {
   const tints = new Uint8Array(4 * points);
   for (let i = 0; i < points; i++) tints.set(colourAt(i), 4 * i);
   return tints;
-}
-
-// The place of a time [s] among a pane's states; the last one may be nearer to the one before than others are.
-function positionAt(pane, time) {
-  const before = Math.max(pane.states - 2, 0), last = pane.end - before * pane.dt;
-  const within = time <= before * pane.dt || last <= 0 ? time / pane.dt : before + (time - before * pane.dt) / last;
-  return Math.min(within, pane.states - 1);
 }
 
 // One pane's scene: `surfaces`, `edges` to be shown or hidden, `moving` to be put to a time.
@@ -142,13 +132,14 @@ class Shown {
     return opacity < 1 ? null : [moving, geometry];
   }
   polyline(obstacle) {
-    const moving = this.still(obstacle, DATA.colours.obstacle), first = moving.stateOf(0), byField = { value: 0 };
+    const moving = this.still(obstacle, DATA.colours.obstacle), first = moving.positions.at(0), byField = { value: 0 };
     const triangles = obstacle.loops.flatMap((loop) => {
       const at = loop.map((i) => new THREE.Vector2(first[4 * i] * obstacle.span[0], first[4 * i + 1] * obstacle.span[1]));
       return THREE.ShapeUtils.triangulateShape(at, []).flat().map((corner) => loop[corner]);
     });
+    obstacle.triangles = new Uint32Array(triangles);
     if (triangles.length) {
-      added(this.scene, new THREE.Mesh(moving.geometry(new Uint32Array(triangles)), surfaceMaterial(moving, { byField })), 3);
+      added(this.scene, new THREE.Mesh(moving.geometry(obstacle.triangles), surfaceMaterial(moving, { byField })), 3);
     }
     const edges = moving.geometry(this.arrays[obstacle.edges].values);
     added(this.scene, new THREE.LineSegments(edges, surfaceMaterial(moving, { byField, darker: 0.55 })), 4);
@@ -188,15 +179,21 @@ class Shown {
     return shadow;
   }
 
+  // The place of a time [s] among the states; the last one may be nearer to the one before than others are.
+  positionAt(time) {
+    const { states, dt, end } = this.pane, before = Math.max(states - 2, 0), last = end - before * dt;
+    const within = time <= before * dt || last <= 0 ? time / dt : before + (time - before * dt) / last;
+    return Math.min(within, states - 1);
+  }
   // To a time [s]; what is not stored that far stays at its last state.
   goTo(time) {
-    const position = positionAt(this.pane, time);
+    const position = this.positionAt(time);
     for (const moving of this.moving) moving.goTo(position);
     for (const plane of this.grounds) this.putGround(plane, position);
   }
   putGround(plane, position) {
-    const state = Math.min(Math.floor(position + 1e-9), plane.places.length - 1), next = Math.min(state + 1, plane.places.length - 1);
-    const place = plane.places[state].map((value, i) => value + (plane.places[next][i] - value) * (position - Math.floor(position)));
+    const state = Math.min(Math.floor(position + 1e-9), plane.places.length - 1), next = plane.places[state + 1] || plane.places[state];
+    const place = plane.places[state].map((value, i) => value + (next[i] - value) * (position - Math.floor(position)));
     const half = place.length / 2, point = vector(place.slice(0, half)), normal = vector(place.slice(half)).normalize();
     const { centre, upright, along, across } = plane.uniforms;
     upright.value.copy(normal);
@@ -222,7 +219,7 @@ class Shown {
   }
   colourBy(name) {
     const number = name ? this.pane.fields[name] : undefined;
-    this.body.colourBy(number === undefined ? null : this.arrays[number].values);
+    this.body.colourBy(number === undefined ? null : this.arrays[number]);
     this.field = name;
     this.arrange();
   }

@@ -1,12 +1,6 @@
 // Time, buttons, keys, labels. `player` is what scripts (and tests) may use.
 "use strict";
 
-const $ = (id) => document.getElementById(id);
-const element = (name, properties, ...children) => {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
-  return made;
-};
 const swatch = (background) => { const mark = element("i", {}); mark.style.background = background; return mark; };
 const SMALL = 190;  // pixels: a pane narrower or lower than this has small labels
 
@@ -215,7 +209,11 @@ class Player {
 
 (async () => {
   try {
-    const arrays = await unpacked();
+    const arrays = await unpacked(DATA.chunks, (number) => {
+      const text = $("chunk-" + number).textContent.trim();
+      $("chunk-" + number).remove();  // it is not needed any more
+      return text;
+    });
     window.player = new Player(arrays);
     $("message").hidden = true;
     document.body.dataset.ready = "yes";

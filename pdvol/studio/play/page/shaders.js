@@ -93,16 +93,27 @@ void main() {
 const vector = (values) => new THREE.Vector3(values[0], values[1], values[2] || 0);
 const colour = (text) => { const c = parseInt(text.slice(1), 16); return new THREE.Vector3((c >> 16) / 255, ((c >> 8) & 255) / 255, (c & 255) / 255); };
 
-// What all materials share.
-const CAMERA = Object.fromEntries(Object.entries(DATA.camera).map(([key, value]) => [key, Array.isArray(value) ? vector(value) : value]));
-const sum = (a, b, c) => new THREE.Vector3().addScaledVector(CAMERA.up, a).addScaledVector(CAMERA.right, b).addScaledVector(CAMERA.towards, c);
+// What all materials share: colours, and the lights and the size that belong to the first camera.
+const CAMERA = {};
+let FLAT = false;
 const SHARED = {
-  mainLight: { value: sum(0.75, -0.42, 0.5).normalize() },
-  sideLight: { value: sum(0.1, 0.9, 0.5).normalize() },
-  backLight: { value: sum(1, 0, -0.6).normalize() },
+  mainLight: { value: null },
+  sideLight: { value: null },
+  backLight: { value: null },
   ramp: { value: RAMP.map(colour) },
   byField: { value: 0 },
   ground: { value: colour(DATA.colours.ground) },
   background: { value: colour(DATA.colours.background) },
-  reach: { value: 1.7 * DATA.camera.size },
+  reach: { value: 0 },
 };
+function useCamera(camera) {
+  DATA.camera = camera;
+  FLAT = camera.dim === 2;
+  for (const [key, value] of Object.entries(camera)) CAMERA[key] = Array.isArray(value) ? vector(value) : value;
+  const light = (a, b, c) => new THREE.Vector3().addScaledVector(CAMERA.up, a).addScaledVector(CAMERA.right, b).addScaledVector(CAMERA.towards, c).normalize();
+  SHARED.mainLight.value = light(0.75, -0.42, 0.5);
+  SHARED.sideLight.value = light(0.1, 0.9, 0.5);
+  SHARED.backLight.value = light(1, 0, -0.6);
+  SHARED.reach.value = 1.7 * camera.size;
+}
+if (DATA.camera) useCamera(DATA.camera);

@@ -4,12 +4,9 @@
 
 const DATA = JSON.parse(document.getElementById("data").textContent);
 
-async function inflated(number) {
-  const holder = document.getElementById("chunk-" + number);
-  const text = atob(holder.textContent.trim());
-  const packed = new Uint8Array(text.length);
+async function inflated(chunk) {
+  const text = atob(chunk), packed = new Uint8Array(text.length);
   for (let i = 0; i < text.length; i++) packed[i] = text.charCodeAt(i);
-  holder.remove();  // its text is not needed any more
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -36,6 +33,12 @@ function unfiltered(bytes, entry, width) {
   return values;
 }
 
+// Values of all states: `at` gives those of one, four numbers a vertex where they are positions.
+class States {
+  constructor(values, states, points) { Object.assign(this, { values, states, points, width: values.length / (states * points) }); }
+  at(state) { return this.values.subarray(state * this.points * this.width, (state + 1) * this.points * this.width); }
+}
+
 const KINDS = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
 
 async function textured(bytes) {
@@ -45,18 +48,17 @@ async function textured(bytes) {
   return map;
 }
 
-// All arrays of the file by number: { values, states, points }; of pictures { map }.
-async function unpacked() {
+// All arrays of a file by number: `States`; of raw ones `values` alone, of pictures { map }.
+async function unpacked(entries, textOf) {
   const found = [];
-  for (let number = 0; number < DATA.chunks.length; number++) {
-    const entry = DATA.chunks[number], bytes = await inflated(number);
+  for (const [number, entry] of entries.entries()) {
+    const bytes = await inflated(textOf(number)), [states, points, components] = entry.shape;
     if (entry.filter === "raw") {
-      found.push({ values: new KINDS[entry.type](bytes.buffer) });
+      found.push(new States(new KINDS[entry.type](bytes.buffer), states, points));
     } else if (entry.filter === "picture") {
       found.push({ map: await textured(bytes) });
     } else {
-      const [states, points, components] = entry.shape;
-      found.push({ values: unfiltered(bytes, entry, components > 1 ? 4 : 1), states, points });
+      found.push(new States(unfiltered(bytes, entry, components > 1 ? 4 : 1), states, points));
     }
   }
   return found;

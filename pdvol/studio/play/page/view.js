@@ -1,6 +1,12 @@
 // The stage: which panes are where, one camera for all of them, and the picture.
 "use strict";
 
+const $ = (id) => document.getElementById(id);
+const element = (name, properties, ...children) => {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+};
 const stage = document.getElementById("stage"), canvas = document.getElementById("canvas");
 
 class View {
@@ -10,7 +16,7 @@ class View {
     this.first = this.shown.findIndex(Boolean);
     this.second = this.shown.findIndex((s, i) => s && i > this.first);
     if (this.second < 0) this.second = this.first;
-    this.wipe = 0.5;
+    Object.assign(this, { wipe: 0.5, quality: 1 });
     this.size = [1, 1];
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
     this.renderer.setClearColor(new THREE.Color(DATA.colours.background));
@@ -53,9 +59,20 @@ class View {
   resize() {
     const box = stage.getBoundingClientRect();
     this.size = [Math.max(1, box.width), Math.max(1, box.height)];
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2) * this.quality);
     this.renderer.setSize(...this.size, false);
     if (!this.moved) this.look("reset");
+  }
+
+  setQuality(quality) {  // pixels drawn for one of the screen, along a side
+    if (quality === this.quality) return;
+    this.quality = quality;
+    this.resize();
+  }
+  timed() {  // ms until what has been asked for is drawn
+    const begin = performance.now(), gl = this.renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    return performance.now() - begin;
   }
 
   // Reset, or from the front, a side, or the top, with everything in the picture.

@@ -1,0 +1,47 @@
+"""`pdvol live` as a process, for tests in a browser."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+
+from cli_scenes import write
+
+PATIENCE_OF_TESTS = 300.0  # seconds for one thing to appear on a busy machine
+
+
+class Live:
+    """`pdvol live` as a process."""
+
+    def __init__(self, folder, scene, *words):
+        self.folder = folder
+        write(folder / "fall.py", scene)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "pdvol", "live", folder / "fall.py", "--port", "0", "-o", folder / "kept", *words],
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"TMPDIR": str(folder)},
+        )
+        guard = threading.Timer(PATIENCE_OF_TESTS, self.process.kill)
+        guard.start()
+        found = (re.search(r"http://127\.0\.0\.1:\d+", line) for line in self.process.stderr)
+        address = next(filter(None, found), None)
+        guard.cancel()
+        assert address, "the server ended"
+        self.address = address[0]
+
+    def end(self):
+        """Its exit code and what it said, after Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.communicate(timeout=PATIENCE_OF_TESTS)[1], self.process.returncode
+        finally:
+            self.process.kill()
+
+
+def shows(tab, text, gone=False):
+    """Wait until the page has this text, or has it no more."""
+    tab.until(f"document.body.innerText.includes({json.dumps(text)}) !== {json.dumps(gone)}")

@@ -1,0 +1,147 @@
+"""Takes: runs that a hand directs, without a page."""
+
+import time
+
+import numpy as np
+import pytest
+
+from cli_scenes import FALL, pdvol, write
+from pdvol.errors import InputError
+from pdvol.store.reader import open_run
+from pdvol.studio.live.channel import MOST_FINGERS, Channel
+from pdvol.studio.live.session import MOST_RUNS, Session
+
+PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
+PLAYED = 15  # steps of a take
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("takes")
+    write(made / "fall.py", FALL)
+    (made / "runs").mkdir()
+    return made
+
+
+@pytest.fixture(scope="module")
+def session(folder):
+    made = Session(folder / "fall.py", {}, folder / "runs", folder / "kept", finest=1)
+    yield made
+    made.close()
+
+
+def until(session, condition):
+    limit = time.monotonic() + PATIENCE_OF_TESTS
+    while not condition():
+        session.tick()
+        assert time.monotonic() < limit, vars(session.current)
+        time.sleep(0.005)
+
+
+def play(session, step=0):
+    """A new take from a step of the shown run, while it is played."""
+    last = session.current.number if session.current else 0
+    session.branch(step, by_hand=True)
+    until(session, lambda: session.playing is not None and session.playing.number > last)
+    until(session, lambda: session.playing.steps > step)
+    return session.playing
+
+
+def pull(session, take, point, steps=PLAYED):
+    """The hand draws the square's corner to a point for some steps."""
+    first = take.steps
+    take.hand.hold([{"number": 1, "body": "square", "place": [0.0, 1.0], "point": point}], {}, 7)
+    until(session, lambda: take.steps > first + steps)
+
+
+def end(session, take):
+    session.end_take()
+    until(session, lambda: not take.running)
+    return take.stored
+
+
+def test_a_take_ends_when_it_is_told_to_is_refined_and_replays_to_the_last_bit(session, folder):
+    take = play(session)
+    take.hand.hold([{"number": 1, "body": "nobody", "place": [0.0, 1.0], "point": [0.0, 0.0]}], {})
+    until(session, lambda: "no body 'nobody'" in take.remark)
+    pull(session, take, [-0.5, 1.5])
+    assert take.hand.sample_of(take.stored.hand.line(take.steps - 1)) == 7
+    stored = end(session, take)
+    assert (take.state, take.reason) == ("done", "") and session.playing is None and session.takes == [take]
+    steps = stored.info["steps"]
+    assert take.steps == steps + 1 > PLAYED and take.levels_with(steps) == 2, "finer levels follow"
+    again = folder / "again"
+    record = take.folder / "hand.jsonl"
+    assert pdvol("run", folder / "fall.py", "--hand", record, "--out", again, "--levels", "0:0", "--no-picture") == 0
+    for step in range(steps + 1):
+        np.testing.assert_array_equal(
+            open_run(again).levels[0].positions(step), stored.levels[0].positions(step), err_msg=str(step)
+        )
+    assert pdvol("verify", take.folder) == 0
+
+
+def test_a_take_goes_on_by_hand_from_a_step_of_another(session, folder):
+    first = session.takes[0]
+    session.show(first.number)
+    take = play(session, step=8)
+    pull(session, take, [0.5, 1.5])
+    stored = end(session, take)
+    for level in (0, 1):
+        for step in range(9):
+            np.testing.assert_array_equal(
+                stored.levels[level].positions(step), first.stored.levels[level].positions(step)
+            )
+    assert not np.array_equal(stored.levels[0].positions(PLAYED), first.stored.levels[0].positions(PLAYED))
+    session.show(first.number)
+    assert session.shown is first
+    kept = session.keep("thrown")
+    assert open_run(kept).hand.line(3) == first.stored.hand.line(3)
+    with pytest.raises(InputError, match="no take 99"):
+        session.show(99)
+
+
+def test_takes_stay_while_other_runs_come_and_go(session):
+    numbers = [take.number for take in session.takes]
+    for i in range(MOST_RUNS + 1):
+        last = session.current.number
+        session.change({"young": 1e4 + i, "steps": 2})
+        until(session, lambda last=last: session.current.number > last)
+        until(session, lambda: not session.current.running)
+    assert [take.number for take in session.takes] == numbers
+    session.refine(numbers[0])
+    until(session, lambda: not session.current.running)
+    assert (session.shown.number, session.current.number, session.current.state) == (numbers[0], numbers[0], "done")
+
+
+def test_a_change_ends_a_take_which_stays(session):
+    take = play(session)
+    until(session, lambda: take.steps > 3)
+    with pytest.raises(InputError, match="end it before"):
+        session.refine(session.takes[0].number)
+    session.change({"young": 1.5e4, "steps": 2})
+    until(session, lambda: session.current is not take)
+    assert take.state == "stopped" and not take.running and take in session.takes
+    until(session, lambda: not session.current.running)
+    assert take.stored.info["steps"] == take.steps - 1
+
+
+WRONG = [
+    [{"number": 1, "body": "square", "place": [0.0, 1.0]}],
+    [{"number": 1, "body": "square", "place": [0.0, float("nan")], "point": [0.0, 0.0]}],
+    [{"number": 1, "body": "square", "place": [0.0, 1.0], "point": [float("inf"), 0.0]}],
+    [{"number": 1, "body": "square", "place": [0.0], "point": [0.0, 0.0]}],
+    [{"number": 1, "body": "square", "place": [0.0, 1.0], "point": [0.0, 0.0]}] * (MOST_FINGERS + 1),
+    [3],
+]
+
+
+@pytest.mark.parametrize("pulls", WRONG)
+def test_a_hand_keeps_what_it_holds_where_the_next_is_wrong(tmp_path, pulls):
+    hand = Channel(tmp_path / "1.hand")
+    hand.hold([{"number": 2, "body": "square", "place": [0.0, 1.0], "point": [0.25, 0.5]}], {"door": [1, 2]}, 3)
+    before = hand.file.read_text()
+    with pytest.raises((InputError, KeyError, TypeError)):
+        hand.hold(pulls, {})
+    assert hand.file.read_text() == before
+    assert hand.sample_of({"pulls": [{"point": [0.25, 0.5]}]}) == 3
+    assert hand.sample_of({"pulls": [{"point": [0.25, 0.6]}]}) == hand.sample_of({"pulls": []}) == 0
