@@ -19,9 +19,9 @@ LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 CODE = (".py", ".c", ".h", ".js")
 LINES = {
     # part: (folders or files, lines of code at most)
-    "core": (("pdvol", "forms", "meshes"), 32_680),
+    "core": (("pdvol", "forms", "meshes"), 32_830),
     "studio": (("pdvol/studio",), 11_550),
-    "tests": (("tests",), 34_800),
+    "tests": (("tests",), 35_460),
     "benchmarks": (("benchmarks",), 5_650),
     "demos": (("demos",), 3_850),
 }
