@@ -94,8 +94,9 @@ class Scene(Element):
         super().__post_init__()
         for key in ("obstacles", "supports"):
             object.__setattr__(self, key, led(getattr(self, key), self.hand, self.dt))
-        movable = [o.name for o in self.obstacles if isinstance(o, Rigid) and o.movable]
-        require(len(set(movable)) == len(movable), f"movable obstacles must have different names, not {movable}")
+        called = [o.name for o in self.obstacles]
+        movable = (o.name for o in self.obstacles if isinstance(o, Rigid) and o.movable)
+        require(all(called.count(name) == 1 for name in movable), f"what is movable needs another name, not {called}")
         require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]
         require(len(set(names)) == len(names), f"bodies must have different names, not {names}")

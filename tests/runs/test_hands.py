@@ -336,5 +336,5 @@ def test_mistakes_have_a_line(tmp_path, capsys):
     assert command("run", file, "--hand", record, *out) == 0
     record.write_text(f"{json.dumps(good | {'pulls': []})}\n")
     assert "hand" in failure("run", file, "--hand", record, "--resume", *out)
-    with pytest.raises(InputError, match="different names"):
+    with pytest.raises(InputError, match="needs another name"):
         replace(scene(), obstacles=(*scene().obstacles, scene().obstacles[1]))

@@ -23,7 +23,7 @@ from pdvol.scene.checks import near, plain, require, vector
 from pdvol.scene.hand import check_pull
 
 SPEED = 5.0  # diagonals of the smallest body that a hand shifts things by in a second, about as fast as a pull
-YIELDING = 0.1  # of that speed, at which a hand presses against what holds it back: it gives way
+YIELDING = 0.1  # of that speed, at which a hand presses against what holds it back
 GRIP = 0.2  # of the body's diagonal: what is further from its point is drawn there, not taken where it is
 LONGEST = 10  # times a scene's steps: a take is no longer unless the user says so
 MOST_PULLS = 10  # at a time: fingers
@@ -127,14 +127,12 @@ class Player:
         near("place", np.array(pull["place"], dtype=float), mine, pull["body"])
 
     def _offsets(self, before: dict[str, Any], last: Any) -> dict[str, list[float]]:
-        """Those of all that the hand has moved, nearer to what is wanted. Where contact holds something back, the hand
-        gives way.
+        """Those of all that the hand has moved, nearer to what is wanted. Where bodies have to give way, in parts of a
+        step, the hand slows down. Where contact holds something back, it gives way.
         """
-        found, dim, farthest = (
-            dict(before["obstacles"]),
-            self._model.mesh.dim,
-            dict.fromkeys(self._movers, self._farthest),
-        )
+        found, dim = dict(before["obstacles"]), self._model.mesh.dim
+        slow = 1 if last is None else 1 + last.remedies["substeps"]
+        farthest = dict.fromkeys(self._movers, self._farthest / slow)
         for name, (mover, motion) in self._movers.items():
             late = 0.0 if last is None else last.late.get(mover, 0.0) if last.late else last.behind
             if late > 0.0 and name in found:
