@@ -18,7 +18,7 @@ import pdvol
 from pdvol.geometry.level_mesh import body_sizes
 from pdvol.measure.verify import verify_run
 from pdvol.runs.run_metrics import motion_from_level_0
-from pdvol.runs.runner import run_scene
+from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import Shot, load_shot
 from pdvol.scene import RECORD, Hand
 from pdvol.studio.live import player
@@ -102,7 +102,7 @@ def play(scene: pdvol.Scene, out: Path, steps: int, watch=None, resume: bool = F
     shot = player.played(Shot(None, {}, scene), out, out.with_suffix(".state"), steps)
     sleep, player.time.sleep = player.time.sleep, lambda seconds: None
     try:
-        run_scene(shot, out, 0, 0, xdmf=False, progress=watch, resume=resume)
+        run_scene(shot, out, 0, 0, resume=resume, how=Execution(progress=watch, xdmf=False))
     finally:
         player.time.sleep = sleep
 
@@ -145,7 +145,7 @@ def main() -> None:
                 scene = random_take(scenes[name], out, seed, options.steps)
                 if options.levels:
                     last = min(options.levels, scene.levels - 1)
-                    run_scene(Shot(None, {}, scene), out, 0, last, xdmf=False, resume=True)
+                    run_scene(Shot(None, {}, scene), out, 0, last, resume=True, how=Execution(xdmf=False))
                 print(seed, name, judged(out), flush=True)
             except pdvol.ConvergenceError as error:
                 print(seed, name, "ended:", error, flush=True)

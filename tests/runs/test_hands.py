@@ -16,7 +16,7 @@ from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane
 from pdvol.errors import InputError
 from pdvol.measure.verify import verify_run
 from pdvol.runs.branch import branch_run
-from pdvol.runs.runner import refine_run, run_scene
+from pdvol.runs.runner import Execution, refine_run, run_scene
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import RECORD, Hand
 from pdvol.studio.live import player
@@ -60,7 +60,7 @@ def replayed(scene: pdvol.Scene, take: Path, levels: int = 0, logs: bool = True)
     """Asserts that a run from the record of a take has the same states."""
     out = take.with_name(f"{take.name}_again")
     again = replace(scene, hand=Hand(take / RECORD), steps=pdvol.open_run(take).info["steps"])
-    run_scene(shot_of(again), out, 0, levels, xdmf=False)
+    run_scene(shot_of(again), out, 0, levels, how=Execution(xdmf=False))
     assert_same_runs(take, out, logs)
 
 
@@ -69,7 +69,7 @@ def is_sound(seed: int, folder: Path) -> None:
     one = scene(2 + seed % 2)
     played = takes.random_take(one, folder / "take", seed, STEPS)
     replayed(one, folder / "take")
-    run_scene(shot_of(played), folder / "take", 0, 1, xdmf=False, resume=True)
+    run_scene(shot_of(played), folder / "take", 0, 1, resume=True, how=Execution(xdmf=False))
     found = takes.judged(folder / "take")
     assert found["defects"] == [] and found["iterations"] <= MOST
     assert found["level 1"][0] < 0.03
@@ -99,7 +99,9 @@ def test_an_interrupted_take_is_whole_and_goes_on(tmp_path):
     takes.put(out.with_suffix(".state"), obstacles={"wall": (-0.1, 0.0)})
     takes.play(one, out, 20, resume=True)
     assert [len(line["pulls"]) for line in lines(out)] == [1] * 12 + [0] * 8
-    run_scene(shot_of(replace(one, hand=Hand(out / RECORD), steps=20)), out, 0, 1, xdmf=False, resume=True)
+    run_scene(
+        shot_of(replace(one, hand=Hand(out / RECORD), steps=20)), out, 0, 1, resume=True, how=Execution(xdmf=False)
+    )
     (tmp_path / "take_again").rename(tmp_path / "first_again")
     replayed(one, out, 1)
 
@@ -110,7 +112,7 @@ def test_going_on_by_hand_from_a_step(by_hand, tmp_path):
     if by_hand:
         takes.random_take(one, first, 7, STEPS)
     else:
-        run_scene(shot_of(one), first, 0, 0, xdmf=False)
+        run_scene(shot_of(one), first, 0, 0, how=Execution(xdmf=False))
     takes.put(out.with_suffix(".state"), [pull(8, (0.3, 0.5))])
     branch_run(player.played(shot_of(one), out, out.with_suffix(".state"), 30), first, 15, out, 0)
     takes.play(one, out, 30, resume=True)
@@ -264,7 +266,7 @@ def test_time_goes_with_the_clock_and_never_ahead(monkeypatch, tmp_path):
 
     monkeypatch.setattr(player, "time", Clock)
     shot = player.played(shot_of(scene()), out, out.with_suffix(".state"), 10)
-    run_scene(shot, out, 0, 0, xdmf=False, progress=Watch(out, [{}]))
+    run_scene(shot, out, 0, 0, how=Execution(progress=Watch(out, [{}]), xdmf=False))
     times = 0.01 * np.arange(1, 11) + np.where(np.arange(1, 11) > 5, 0.5, 0.0)
     assert len(lines(out)) == 10 and (np.array(at) - 100.0 >= 0.01 * np.arange(1, 11) - 1e-9).all()
     np.testing.assert_allclose(np.array(at) - 100.0, times, atol=0.011)
@@ -296,12 +298,12 @@ def test_the_command_line_plays_replays_and_refines(tmp_path):
     assert_same_runs(take, again)
     record = Hand(take / RECORD)
     record.keep(9)
-    run_scene(shot_again(file, record), tmp_path / "short", 0, 0, xdmf=False)
+    run_scene(shot_again(file, record), tmp_path / "short", 0, 0, how=Execution(xdmf=False))
     assert pdvol.open_run(tmp_path / "short").info["steps"] == 9
     info = json.loads((tmp_path / "short" / "run.json").read_text())
     killed = info | {"steps": 500, "channel": str(tmp_path / "state")}
     (tmp_path / "short" / "run.json").write_text(json.dumps(killed))
-    refine_run(tmp_path / "short", 1, xdmf=False)
+    refine_run(tmp_path / "short", 1, Execution(xdmf=False))
     run = pdvol.open_run(tmp_path / "short")
     assert run.info["state"] == "done" and [level.steps for level in run.levels] == [10, 10]
 
