@@ -105,7 +105,7 @@ def scored_bodies(scores: Sequence[str], bodies: Sequence[str]) -> list[str]:
 
 
 def draw_results(
-    wedge: Wedge, entries: Sequence[Mapping[str, Any]], sheet: bool, film: bool, apart: bool
+    wedge: Wedge, entries: Sequence[Mapping[str, Any]], sheet: bool, film: bool, apart: bool, facets: bool = False
 ) -> list[Path]:
     """Draw variations in their order; returns the files.
 
@@ -114,13 +114,15 @@ def draw_results(
     sheet : whether to draw sheet.png, and scatter.png where there are parameters and scores
     film : whether to write sheet.mp4
     apart : whether the sheet's pictures are also written as files, `tiles/NUMBER.png`
+    facets : whether bodies that carry render meshes are drawn by their cells
     """
     from pdvol.studio.draw.plots import scatter_image  # matplotlib
 
     shown, files = entries[:MOST_TILES], list[Path]()
     drawn = tiles(shown, stored_runs(wedge.out, shown)) if sheet or film else []
     if sheet:
-        files.append(sheet_image(drawn, wedge.out / "sheet.png", apart=wedge.out / "tiles" if apart else None))
+        tiles_folder = wedge.out / "tiles" if apart else None
+        files.append(sheet_image(drawn, wedge.out / "sheet.png", None, tiles_folder, facets))
         done = [entry for entry in entries if entry["state"] == "done"]
         names = dict.fromkeys(name for entry in done for name in entry["changes"])
         values = {name: [change(entry, name) for entry in done] for name in names}
@@ -130,5 +132,5 @@ def draw_results(
             numbers = [str(entry["number"]) for entry in done]
             files.append(scatter_image(values, scores, numbers, wedge.out / "scatter.png"))
     if film:
-        files.append(sheet_film(drawn, wedge.out / "sheet.mp4"))
+        files.append(sheet_film(drawn, wedge.out / "sheet.mp4", facets))
     return files
