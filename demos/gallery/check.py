@@ -53,7 +53,9 @@ class History:
 
 
 def table_of_ages(entries: Sequence[Entry], pages: Path, repository: Path = DEMOS.parent) -> tuple[str, int]:
-    """Markdown with a row a run, and how many runs have numbers that are older than the solver. Raises MissingObject where the folder is no git repository."""
+    """Markdown with a row a run, and how many runs have numbers that are older than the solver. Raises MissingObject
+    where the folder is no git repository.
+    """
     history = History(repository)
     found = [(each, read_costs(each, pages)) for entry in entries for each in entry.rows]
     rows = [_row(each, kept, history) for each, kept in found if kept]

@@ -59,16 +59,16 @@ def _y_up(up: np.ndarray) -> np.ndarray:
 def _write_parts(
     archive: Any, parts: Sequence[Part], tracks: Sequence[Track], shown: Iterable, rate: float, turn: np.ndarray
 ) -> None:
+    import imath
     from alembic3d.AbcCoreAbstract import TimeSampling
     from alembic3d.AbcGeom import GeometryScope, ON3fGeomParamSample, OPolyMesh, OPolyMeshSchemaSample, OXform
     from alembic3d.AbcGeom import OV2fGeomParamSample as UVs
-    from imath import DoubleArrayFromBuffer, IntArrayFromBuffer, UnsignedIntArray, V2fArrayFromBuffer, V3fArrayFromBuffer
 
     def placed(points: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(points @ turn.T, dtype=np.float32)
 
     def numbered(index: np.ndarray) -> Any:
-        return UnsignedIntArray(DoubleArrayFromBuffer(index.astype(float)))  # it takes no integers
+        return imath.UnsignedIntArray(imath.DoubleArrayFromBuffer(index.astype(float)))  # it takes no integers
 
     times = archive.addTimeSampling(TimeSampling(1.0 / rate, 0.0))
     meshes = []
@@ -94,12 +94,12 @@ def _write_parts(
             points, velocities = placed(at), None if along is None else placed(along)
             vectors = placed(normals.at(at))
             sample = OPolyMeshSchemaSample(
-                V3fArrayFromBuffer(points), IntArrayFromBuffer(corners), IntArrayFromBuffer(counts)
+                imath.V3fArrayFromBuffer(points), imath.IntArrayFromBuffer(corners), imath.IntArrayFromBuffer(counts)
             )
             if velocities is not None and moves:
-                sample.setVelocities(V3fArrayFromBuffer(velocities))
+                sample.setVelocities(imath.V3fArrayFromBuffer(velocities))
             scope = GeometryScope.kFacevaryingScope
-            sample.setNormals(ON3fGeomParamSample(V3fArrayFromBuffer(vectors), numbers, scope))
+            sample.setNormals(ON3fGeomParamSample(imath.V3fArrayFromBuffer(vectors), numbers, scope))
             if uvs is not None and not number:
-                sample.setUVs(UVs(V2fArrayFromBuffer(uvs[0]), uvs[1], scope))
+                sample.setUVs(UVs(imath.V2fArrayFromBuffer(uvs[0]), uvs[1], scope))
             schema.set(sample)
