@@ -137,6 +137,7 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: in
         if jobs:
             print(f"{len(jobs)} of {total} runs are missing; then the same command collects them", file=sys.stderr)
         return not jobs
+    print(f"{total} runs, {min(count, total)} at a time", file=sys.stderr)
     with closing(Workers(count)) as workers, progress(total) as report:
         wedge.run(range(total), workers, report)
     return True
