@@ -1,4 +1,4 @@
-"""A soft ball dropped on a sharp spike, slightly off-centre (paper, figures 2 and 9).
+"""A soft ball dropped on a sharp spike, slightly off-centre (paper, figures 2 and 10).
 
 Which way does it fall? Levels simulated on their own fall to different sides. Progressively refined levels fall to the
 same side.

@@ -19,11 +19,25 @@ def _look() -> float | None:
     if bpy.app.is_job_running("RENDER"):  # it reads the objects from a thread of its own
         return EVERY
     goes_on = tasks.step(bpy.context)
+    _show_status()
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()
     return EVERY if goes_on else None
+
+
+def status() -> str | None:
+    """What goes on, for the status bar; None where nothing does, so that Blender's own text is shown."""
+    session = tasks.session
+    if session.task is None:
+        return None
+    return f"pdvol: {session.message}" + (" (Esc stops it)" if session.task.title == "Check" else "")
+
+
+def _show_status() -> None:
+    for window in bpy.context.window_manager.windows:
+        window.workspace.status_text_set(status())
 
 
 @bpy.app.handlers.persistent
@@ -49,6 +63,7 @@ def register() -> None:
 def unregister() -> None:
     """It calls them no more; what goes on ends."""
     tasks.session.cancel()
+    _show_status()
     atexit.unregister(tasks.session.cancel)
     bpy.app.handlers.load_post.remove(_after_load)
     bpy.app.handlers.load_pre.remove(_before_load)

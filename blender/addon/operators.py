@@ -87,6 +87,30 @@ class _Task:
         return ended
 
 
+class PDVOL_OT_check(_Task, bpy.types.Operator):
+    """Write the scene file, and look for what would stop or spoil a run; Esc stops it"""
+
+    bl_idname, bl_label, function = "pdvol.check", "Check", "check"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Begin, and wait for Esc."""
+        ended = self.execute(context)
+        if ended != {"FINISHED"}:
+            return ended
+        self.task = tasks.session.task
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Cancel by Esc; all other events go on to Blender."""
+        if tasks.session.task is not self.task:
+            return {"FINISHED"}
+        if event.type != "ESC":
+            return {"PASS_THROUGH"}
+        tasks.session.cancel()
+        return {"CANCELLED"}
+
+
 def _task(name: str, label: str, text: str) -> type:
     parts = {"__doc__": text, "bl_idname": f"pdvol.{name}", "bl_label": label, "function": name}
     return type(f"PDVOL_OT_{name}", (_Task, bpy.types.Operator), parts)
@@ -119,7 +143,7 @@ class PDVOL_OT_clear(bpy.types.Operator):
 CLASSES = (
     PDVOL_OT_part,
     PDVOL_OT_region,
-    _task("check", "Check", "Write the scene file, and look for what would stop or spoil a run"),
+    PDVOL_OT_check,
     _task("preview", "Preview", "Write the scene file, and simulate level 0"),
     _task("refine", "Refine", "Simulate finer levels of the run that is shown: the same motion with more detail"),
     _task("resume", "Resume", "Go on with the run that is shown, where it was stopped"),

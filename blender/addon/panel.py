@@ -102,7 +102,9 @@ class PDVOL_PT_shot(_Panel, bpy.types.Panel):
             row.prop(settings, "run")
             row.prop(settings, "level")
             row.operator("pdvol.clear", text="", icon="UNLINKED")
-            self.layout.label(text=f"Levels 0 to {max(reached)} are stored")
+            shown = playback.shown_level(context.scene)
+            ends = "" if shown is None else f"; level {shown} is shown"
+            self.layout.label(text=f"Levels 0 to {max(reached)} are stored{ends}")
 
 
 class PDVOL_PT_wedge(_Panel, bpy.types.Panel):

@@ -29,21 +29,20 @@ def show(scene: bpy.types.Scene) -> str:
     """
     if not bpy.data.filepath or scene.pdvol.run == 0:
         return ""
-    places, number = places_of(), scene.pdvol.run
-    levels = shown_levels(places, number)
-    if not levels:
+    places, number, level = places_of(), scene.pdvol.run, shown_level(scene)
+    if level is None:
         return ""
-    level = min(scene.pdvol.level, max(levels))
     folder, played = places.caches(number, level), read_objects(places.play(number))
     wrong = [_follow(scene, thing, folder) for thing in played]
     fits = [_fit(scene, thing, folder) for thing in played]
     return next((line for line in (*wrong, *fits) if line), "")
 
 
-def shown_levels(places: Places, number: int) -> list[int]:
-    """The levels of a run that can be shown, ascending."""
-    found = stored_levels(places.run(number))
-    return [level for level in sorted(found) if played_frames(places, number, level)]
+def shown_level(scene: bpy.types.Scene) -> int | None:
+    """The level that objects follow: the chosen one, or the finest that can be shown; None where there is none."""
+    places, number = places_of(), scene.pdvol.run
+    levels = [level for level in stored_levels(places.run(number)) if played_frames(places, number, level)]
+    return min(scene.pdvol.level, max(levels)) if levels else None
 
 
 def clear(scene: bpy.types.Scene) -> None:

@@ -13,6 +13,7 @@ from bpy.props import (
 )
 
 from ..shot.description import PRESETS, Material
+from ..shot.names import CLOSE_HOLES
 
 OWN = "OWN"
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
@@ -101,7 +102,7 @@ class PDVOL_ObjectSettings(MaterialSettings, bpy.types.PropertyGroup):
     )
     regions: CollectionProperty(type=PDVOL_RegionSettings, override=OVERRIDE | {"USE_INSERTION"})
     repair: BoolProperty(
-        override=OVERRIDE, name="Close holes", description="Simulate a closed copy of an open or crossing mesh"
+        override=OVERRIDE, name=CLOSE_HOLES, description="Simulate a closed copy of an open or crossing mesh"
     )
 
 

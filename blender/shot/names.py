@@ -6,6 +6,8 @@ from collections.abc import Sequence
 LONGEST = 40  # characters that are kept: pdvol's exports have a limit, too, for the name with what follows it
 GROUND = "ground"
 """The name of the scene's plane, which no object has."""
+CLOSE_HOLES = "Close holes"
+"""The setting of a body that simulates a closed copy of its mesh, as the panel shows it."""
 
 
 def plain_names(labels: Sequence[str]) -> list[str]:

@@ -5,9 +5,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..shot.names import CLOSE_HOLES
+
 WATCH = Path(__file__).with_name("watch.py")
 ENDS_WITHIN = 10.0  # seconds in which a cancelled command has to be gone: those of `watch.py`, and a slow machine's
 TAIL = 8000  # bytes at the end of a log that are looked at for its last line
+REMEDIES = ("close the holes", "repair the self-intersections")
+"""What pdvol advises against defects of a mesh, which here is a setting."""
 NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # of Windows
 
 
@@ -58,4 +62,11 @@ class Process:
         """Why it ended early, in one line: pdvol's own, or its last one."""
         lines = self.lines()
         own = [line.removeprefix("pdvol: ") for line in lines if line.startswith("pdvol: ")]
-        return (own or lines or [f"it ended with status {self.code}"])[-1]
+        return with_settings((own or lines or [f"it ended with status {self.code}"])[-1])
+
+
+def with_settings(line: str) -> str:
+    """A message of pdvol that names the panel's setting where one repairs what is wrong."""
+    for remedy in REMEDIES:
+        line = line.replace(remedy, f"tick {CLOSE_HOLES} (sidebar, Object)")
+    return line

@@ -94,6 +94,7 @@ class Session:
     _left: list[Sequence[str]] = field(default_factory=list)
     _exported: dict[int, int] = field(default_factory=dict)
     _exporting: tuple[int, int] = (0, 0)
+    _started: float = 0.0
     _began: float = 0.0
     _next_export: float = 0.0
 
@@ -116,6 +117,7 @@ class Session:
         self._left, self._exported, self._next_export = list(task.steps), {}, 0.0
         self.progress = RunProgress(places.run(task.run)) if task.run else None
         places.log.unlink(missing_ok=True)
+        self._started = time.monotonic()
         self._go_on()
 
     def cancel(self) -> None:
@@ -165,7 +167,8 @@ class Session:
         line = self.progress.line() if self.progress is not None else ""
         said = self._process.lines()[-1:] if self._process is not None else []
         lasts = [text for text in said if text.endswith(SO_FAR)]
-        self.message = ": ".join([self.task.title, *(lasts or [line] if line else said)])
+        title = self.task.title if self.task.run else f"{self.task.title}, {time.monotonic() - self._started:.0f} s"
+        self.message = ": ".join([title, *(lasts or [line] if line else said)])
 
     def _begin_export(self) -> None:
         """Export a level that has new states, the finest first; none where one is under way."""

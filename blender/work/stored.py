@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from .process import with_settings
 from .progress import RunProgress
 
 
@@ -40,7 +41,7 @@ def findings(file: Path) -> tuple[list[str], list[str]]:
         for level in found.get("levels", [])
         if "seconds" in level
     ]
-    return list(found.get("defects", [])), [*costs, *found.get("notes", [])]
+    return [with_settings(line) for line in found.get("defects", [])], [*costs, *found.get("notes", [])]
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -23,7 +23,9 @@ PAGES = DEMOS.parent / "docs" / "gallery"
 
 
 def main(words: list[str]) -> int:
-    """0 where all pages were written, 1 where a run failed or a claim does not hold, 2 for a wrong name."""
+    """0 where all pages were written, 1 where a run failed, a claim does not hold or `--check` finds numbers older than
+    the solver, 2 for a wrong name.
+    """
     names = [entry.name for entry in ENTRIES]
     parser = argparse.ArgumentParser(prog="python -m demos.gallery", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(names)}, or all")
@@ -40,8 +42,9 @@ def main(words: list[str]) -> int:
         return 2
     try:
         if options.check:
-            print(table_of_ages(ENTRIES, PAGES))
-            return 0
+            text, old = table_of_ages(ENTRIES, PAGES)
+            print(text)
+            return 1 if old else 0
         held = [show(entry, options.runs, not options.no_film) for entry in ENTRIES if entry.name in wanted]
     except (PdvolError, MissingObject) as error:
         print(f"gallery: {error}", file=sys.stderr)

@@ -52,16 +52,19 @@ class History:
         return re.sub(rb"/\*.*?\*/", b"", content, flags=re.DOTALL) if path.endswith((".c", ".h")) else name
 
 
-def table_of_ages(entries: Sequence[Entry], pages: Path, repository: Path = DEMOS.parent) -> str:
-    """Markdown: a row a run. Raises MissingObject where the folder is no git repository."""
+def table_of_ages(entries: Sequence[Entry], pages: Path, repository: Path = DEMOS.parent) -> tuple[str, int]:
+    """Markdown with a row a run, and how many runs have numbers that are older than the solver. Raises MissingObject
+    where the folder is no git repository.
+    """
     history = History(repository)
     found = [(each, read_costs(each, pages)) for entry in entries for each in entry.rows]
     rows = [_row(each, kept, history) for each, kept in found if kept]
     old = sum(row[-1] != "nothing" for row in rows)
-    return (
+    text = (
         f"{table(['run', 'made at', 'direct run made at', 'older'], rows)}\n\nAt commit {history.head[:7]}:"
         f" {len(rows) - old} of {len(rows)} runs have all their numbers of this solver and demo; {old} have older ones."
     )
+    return text, old
 
 
 def _row(entry: Entry, kept: Mapping, history: History) -> list[str]:

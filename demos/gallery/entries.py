@@ -33,7 +33,6 @@ class Entry:
     name, title : of demos/NAME.py, of its page and of its run; of the page
     settings, small : of the scene in the gallery; what tests change to run it within seconds
     view, turn, cut : of films and pictures: `pdvol render --camera`, degrees about the vertical, and `--cut`
-    drawn : whether bodies that carry render meshes are drawn as these
     direct : whether a second run says how far levels part that are simulated each on its own
     binding : whether the page has a picture of how level 1 is bound to level 0
     slow : first and last second of films in slow motion, a stored state a frame
@@ -49,7 +48,6 @@ class Entry:
     view: str = ""
     turn: float = 0.0
     cut: str = ""
-    drawn: bool = False
     direct: bool = True
     binding: bool = False
     slow: tuple[float, float] | None = None

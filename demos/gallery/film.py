@@ -70,7 +70,7 @@ def write_picture(entry: Entry, run: Run, out: Path) -> Path:
 
 def seen(entry: Entry) -> Shot:
     """How pictures and films show an entry."""
-    return Shot(entry.view, entry.turn, entry.cut, entry.drawn)
+    return Shot(entry.view, entry.turn, entry.cut)
 
 
 def write_binding(run: Run, out: Path) -> Path:

@@ -70,7 +70,6 @@ ENTRIES = (
         "donuts",
         "Glazed donuts",
         small={"vertices": (150, 300), "detail": 48, "height": 0.34, "steps": 60},
-        drawn=True,
         slow=(0.1, 0.4),
         size=(1000, 460),
         moment=0.9,

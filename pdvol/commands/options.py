@@ -55,8 +55,14 @@ def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
     parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 
 
+def add_facets(parser: ArgumentParser) -> None:
+    """`--facets`."""
+    parser.add_argument("--facets", action="store_true", help="draw bodies by their cells, not by their render meshes")
+
+
 def add_outputs(parser: ArgumentParser) -> None:
-    """`--no-picture` and `--no-xdmf`."""
+    """`--no-picture`, `--facets` and `--no-xdmf`."""
+    add_facets(parser)
     parser.add_argument("--no-picture", action="store_true", help="do not draw picture.png at the end")
     parser.add_argument("--no-xdmf", action="store_true", help="do not write level_N.xdmf; pdvol export makes it later")
 

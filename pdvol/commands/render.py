@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, number, stored_levels, whole_number
+from pdvol.commands.options import add_facets, add_levels, number, stored_levels, whole_number
 from pdvol.errors import InputError
 
 
@@ -24,9 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="VIEW",
         help="front, side, top, three-quarter, follow:BODY, or position and target in metres, X,Y,Z:TX,TY,TZ",
     )
-    parser.add_argument(
-        "--render-meshes", action="store_true", help="bodies that carry render meshes are drawn as these"
-    )
+    add_facets(parser)
     parser.add_argument(
         "--cut",
         default="",
@@ -47,7 +45,7 @@ def main(options: Namespace) -> None:
         view=options.camera,
         turn=options.turn,
         cut=options.cut,
-        render_meshes=options.render_meshes,
+        facets=options.facets,
         size=_size(options.size),
         fps=options.fps,
         span=_span(options.frames),

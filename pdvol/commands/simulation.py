@@ -99,15 +99,16 @@ class Outputs:
         self._begun = True
         with suppress(RuntimeError):  # the process has ended
             if self._worker is not None and not self._worker.busy:
-                self._worker.start(["render", str(self.out)], Path(os.devnull))
+                words = ["render", str(self.out), *(["--facets"] if self.options.facets else [])]
+                self._worker.start(words, Path(os.devnull))
                 return
         self._draw_here()
 
     def _draw_here(self) -> None:
         from pdvol.store.reader import open_run
-        from pdvol.studio.draw.picture import render
+        from pdvol.studio.draw.picture import Shot, render
 
-        render(open_run(self.out), self.out / "picture.png")
+        render(open_run(self.out), self.out / "picture.png", shot=Shot(facets=self.options.facets))
 
     def _wait(self) -> None:
         if self._worker is None or not self._worker.busy:

@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_jobs, add_shot, chosen_jobs, chosen_shot, number, whole_number
+from pdvol.commands.options import add_facets, add_jobs, add_shot, chosen_jobs, chosen_shot, number, whole_number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--film", action="store_true", help="a film of all variations as well")
     parser.add_argument("--no-picture", action="store_true", help="do not draw sheet.png and scatter.png")
     parser.add_argument("--tiles", action="store_true", help="each picture of sheet.png as tiles/NUMBER.png as well")
+    add_facets(parser)
     parser.add_argument("--seek", default="", metavar="TEXT", help="search the ranges for the largest score")
     parser.add_argument("--runs", default="", metavar="N", help=f"at most, of --seek (default: {SEEK_RUNS})")
     parser.add_argument(
@@ -98,7 +99,7 @@ def _make(options: Namespace) -> None:
             return
         entries = wedge.grouped(options.sort)
         wedge.write()
-        files = draw_results(wedge, entries, not options.no_picture, options.film, options.tiles)
+        files = draw_results(wedge, entries, not options.no_picture, options.film, options.tiles, options.facets)
     print("\n".join(table_lines(entries)), file=sys.stderr if options.executor == PRINT else sys.stdout)
     if wedge.best:
         best = wedge.best
@@ -136,6 +137,7 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: in
         if jobs:
             print(f"{len(jobs)} of {total} runs are missing; then the same command collects them", file=sys.stderr)
         return not jobs
+    print(f"{total} runs, {min(count, total)} at a time", file=sys.stderr)
     with closing(Workers(count)) as workers, progress(total) as report:
         wedge.run(range(total), workers, report)
     return True

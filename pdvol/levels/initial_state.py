@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError, IntersectionError
-from pdvol.geometry.boundary_search import enclosed
+from pdvol.geometry.boundary_search import enclosed, nearest_points
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.geometry.rigid_motions import Pose
@@ -301,14 +301,30 @@ class _Boundaries:
         else:
             free = apart(int(self.owner[a]), int(self.owner[b]))
             mend = MEND if free is None else MEND_LEVEL.format(free=free, level=level)
+        depth = self._depth(self.owner[a], self.owner[b])
         error = IntersectionError(
-            f"level {level}: {one} {does} {other} at t = 0 ({WORDS[len(first)]} {first} and {WORDS[len(second)]}"
+            f"level {level}: {one} {does} {other} at t = 0{depth} ({WORDS[len(first)]} {first} and {WORDS[len(second)]}"
             f" {second}, {len(named)} such pairs); {mend}",
             named,
             level,
             *self._apart(self.owner[a], self.owner[b]),
         )
         return Defect(error, [self.points[list(part)] for pair in pairs for part in pair])
+
+    def _depth(self, one: int, other: int) -> str:
+        """Where and how deep one of two owners of boundaries reaches furthest into the other, in words."""
+        most, words = 0.0, ""
+        for inner, outer in ((one, other), (other, one)) if one != other else ():
+            if not self.closed[outer]:
+                continue
+            points, facets = self.points[self.owner == inner], self.facets[self.owner[self.facets[:, 0]] == outer]
+            within = points[enclosed(points, self.points, facets)]
+            places = nearest_points(self.points, facets, within)[1] if len(within) else within
+            depths = np.linalg.norm(within - places, axis=1)
+            if depths.max(initial=0.0) > most:
+                most, place = depths.max(), ", ".join(f"{x:.3g}" for x in places[np.argmax(depths)])
+                words = f", by up to {most:.3g} m, from ({place}) into {self.names[outer]}"
+        return words
 
     def _apart(self, one: int, other: int) -> tuple[list[int], np.ndarray | None]:
         """The bodies among two owners of boundaries, and the direction in which the first leaves the other: from centre

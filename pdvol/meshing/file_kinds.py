@@ -41,6 +41,12 @@ CONVERTERS = {
 """Command lines that turn files of other kinds into ones that are read."""
 
 
+def no_file(path: Path) -> str:
+    """The message about a path that names no file."""
+    order = "a scene's paths are looked for beside the scene file, then in the working folder"
+    return f"{path}: there is no such file; {order}, {Path.cwd()}"
+
+
 def converter(path: Path) -> str:
     """How to convert a file that is not read, as an ending of a message; empty where nothing is known."""
     suffix = path.suffix.lower()

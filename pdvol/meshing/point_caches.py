@@ -15,6 +15,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Outline, Surface
+from pdvol.meshing.file_kinds import no_file
 from pdvol.meshing.readers import read_numbered
 from pdvol.meshing.validate import outline_edges
 from pdvol.registry import STUDIO
@@ -74,7 +75,7 @@ def read_frames(cache: PointCache) -> Frames:
     else:
         path = Path(cache.source).expanduser()
         if not path.is_file():
-            raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
+            raise InputError(no_file(path))
         try:
             frames, points, faces = (_pc2 if path.suffix.lower() == ".pc2" else _mesh)(path, cache)
         except OSError as error:

@@ -22,7 +22,7 @@ from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessFailed, check_budget
-from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter
+from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter, no_file
 from pdvol.meshing.surface_files import SURFACES, first_that_reads, read_surface
 from pdvol.meshing.volume_files import PAIR, VOLUMES, VTK_ONLY, read_pair, read_volume
 from pdvol.meshing.weld import weld_open
@@ -108,7 +108,7 @@ def read_with_notes(
     if suffix not in known:
         raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {', '.join(known)}{converter(path)}")
     if not path.is_file():
-        raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
+        raise InputError(no_file(path))
     try:
         with path.open("rb") as file:
             start = file.read(len(BYTE_ORDER_MARK))

@@ -44,6 +44,7 @@ class VertexGroup(Element):
     reach: float = 0.05
     filled: bool = False
     placement: Placement = Placement()
+    files = ("surface", "weights")
     checks = {"reach": positive, "filled": flag}
 
     def __post_init__(self) -> None:

@@ -114,7 +114,9 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         notes += level_notes(scene, mesh, level, diagonal)
         if level and len(mesh.points) <= BOUND_VERTICES:
             notes += _island_notes(scene, meshes[level - 1], mesh, level)
-        result["defects"] += [f"defect at level {level}: {message}" for message in entry["defects"]]
+        result["defects"] += [
+            f"defect at level {level}: {message.removeprefix(f'level {level}: ')}" for message in entry["defects"]
+        ]
         defects.append(found)
     if out is not None:
         _write_levels(out, scene, meshes, defects)

@@ -14,6 +14,7 @@ from pdvol.registry import STUDIO
 from pdvol.runs.known_scenes import allow
 from pdvol.runs.scene_modules import error_text, load_module
 from pdvol.scene import Hand, Pascal, Relative, Scene
+from pdvol.scene.element import files_beside
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
 
@@ -165,7 +166,8 @@ def load_shot(
     check_names(file, settings, make)
     given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
     try:
-        scene = make(**given)
+        with files_beside(file):
+            scene = make(**given)
     except PdvolError:
         raise
     except (Exception, SystemExit) as error:
@@ -221,7 +223,8 @@ def _scene_function(file: Path, trusted: bool = True) -> Callable[..., Scene]:
     if file.suffix.lower() == ".json" and file.is_file():
         allow(file, trusted=trusted)
         return STUDIO["polyfem_scene"](file)
-    make = getattr(load_module(file, trusted), "scene", None)
+    with files_beside(file):
+        make = getattr(load_module(file, trusted), "scene", None)
     if not callable(make):
         raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")
     return make

@@ -100,6 +100,7 @@ class Body(Element):
     elements: str | None = None
 
     whose = "body {name!r}: "
+    files = ("shape",)
     checks = {
         "name": text,
         "shape": anything,

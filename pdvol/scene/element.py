@@ -1,7 +1,10 @@
 """What the dataclasses of a scene have in common: checked fields, and a repr of one line."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import MISSING, Field, fields, is_dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,6 +16,30 @@ MOST_TEXT = 80  # characters of one value
 NOT_SIMULATED = "not simulated"  # key of a field's metadata: two scenes that differ there have the same states
 
 
+_beside: ContextVar[Path | None] = ContextVar("beside", default=None)
+
+
+@contextmanager
+def files_beside(file: Path) -> Iterator[None]:
+    """Within it, elements look for their files beside this one, then in the working folder."""
+    token = _beside.set(file.resolve().parent)
+    try:
+        yield
+    finally:
+        _beside.reset(token)
+
+
+def located(value: Any) -> Any:
+    """A path, or those of a tuple, where `files_beside` finds the file; beside where none is. All else as it is."""
+    folder = _beside.get()
+    if isinstance(value, tuple | list):
+        return type(value)(map(located, value)) if any(isinstance(one, str | Path) for one in value) else value
+    if folder is None or not isinstance(value, str | Path) or not str(value):
+        return value
+    path = folder / Path(value).expanduser()
+    return value if Path(value).expanduser().exists() and not path.exists() else type(value)(path)
+
+
 def one_line(element: Any) -> str:
     """`Name(field=value, ...)` of a dataclass, without the fields that have their default; its `__repr__`."""
     shown = [f"{f.name}={_value(getattr(element, f.name))}" for f in fields(element) if not _is_default(element, f)]
@@ -20,16 +47,20 @@ def one_line(element: Any) -> str:
 
 
 class Element:
-    """A frozen dataclass of a scene. Each field that has a line in `checks` is kept `plain`, and checked.
+    """A frozen dataclass of a scene. Each field that has a line in `checks` is kept `plain`, and checked. Those that
+    `files` names may be paths.
 
     A class with more to check extends `__post_init__`.
     """
 
     checks: ClassVar[Mapping[str, Check]] = {}
+    files: ClassVar[tuple[str, ...]] = ()
     whose: ClassVar[str] = "{kind}."  # before the name of a field in messages
     __repr__ = one_line
 
     def __post_init__(self) -> None:
+        for name in self.files:
+            object.__setattr__(self, name, located(getattr(self, name)))
         for name, check in self.checks.items():
             object.__setattr__(self, name, plain(getattr(self, name)))
             check(self._named(name), getattr(self, name))

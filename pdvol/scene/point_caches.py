@@ -51,6 +51,7 @@ class PointCache(Element):
     placement: Placement = Placement()
     tolerance: float = 0.05
 
+    files = ("source", "faces")
     checks = {"times": anything, "fps": optional(positive), "begin": finite, "tolerance": positive}
 
     def __post_init__(self) -> None:

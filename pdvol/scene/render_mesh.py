@@ -30,6 +30,7 @@ class RenderMesh(Element):
     texture: str | Path | np.ndarray = ""
     interpolant: str = "phong"
 
+    files = ("shape", "texture")
     checks = {"interpolant": lambda _, value: INTERPOLANTS.check(value)}
 
     def __post_init__(self) -> None:

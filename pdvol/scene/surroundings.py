@@ -84,6 +84,7 @@ class Rigid(Element):
     movable: bool = field(default=False, metadata={NOT_SIMULATED: True})
 
     whose = "obstacle {name!r}: "
+    files = ("shape",)
     checks = {"motion": _moves_rigidly, "closed": anything, "opacity": partial(positive, highest=1.0)}
 
 
@@ -108,6 +109,7 @@ class Deforming(Element):
     opacity: float = 1.0
 
     whose = Rigid.whose
+    files = ("shape",)
     checks = {**Rigid.checks, "motion": instance(PointCache, "; a Rigid takes functions")}
 
 

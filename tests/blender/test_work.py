@@ -20,10 +20,12 @@ from blender.work.play import Played, make_caches, played_frames, to_object, wri
 from blender.work.process import Process
 from blender.work.progress import RunProgress
 from blender.work.session import Ended, Frames, Session, Task, forget_run
-from blender.work.stored import stored_levels, stored_settings, variations
+from blender.work.stored import findings, stored_levels, stored_settings, variations
 from blender_shots import places, two_bodies
 from commands import SAFETY
 from pdvol.cli import parse
+from pdvol.errors import MeshError
+from pdvol.meshing.validate import check_manifold
 
 PDVOL = [sys.executable, "-m", "pdvol"]
 CHILDREN = """
@@ -113,6 +115,16 @@ def test_progress_is_read_piece_by_piece(tmp_path):
     log.write_text('{"level": 0, "step": 1}\n')  # a new preview in the same folder
     assert progress.look() and progress.reached == {0: 1}
     assert stored_settings(tmp_path) == {"mu": "0.5"}
+
+
+def test_defects_of_meshes_name_the_setting_that_repairs_them(tmp_path):
+    with pytest.raises(MeshError) as refused:
+        check_manifold(np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3]]), 4, "box")
+    file = tmp_path / "check.json"
+    file.write_text(json.dumps({"defects": [str(refused.value)]}))
+    ((line,), notes) = findings(file)
+    assert line.endswith("; tick Close holes (sidebar, Object)") and line.startswith("box: the surface is open")
+    assert notes == []
 
 
 def test_variations_are_read(tmp_path):

@@ -38,7 +38,7 @@ def test_a_start_inside_out_ends_in_one_line_and_nothing_is_written(made, tmp_pa
     assert not (tmp_path / "mirrored").exists()
     assert pdvol("check", made("bent").with_name("bent.py"), "--set", "mirror=-1") == 2
     said = capsys.readouterr()
-    assert "defect at level 1: level 1: the start of body 'clip' turns 72 of 72 cells" in said.out + said.err
+    assert "defect at level 1: the start of body 'clip' turns 72 of 72 cells" in said.out + said.err
 
 
 def test_it_is_checked_where_it_starts(made, tmp_path, capsys):

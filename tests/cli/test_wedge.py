@@ -241,3 +241,24 @@ def test_another_scene_and_a_full_folder_are_refused(folder, tmp_path, capsys):
     (tmp_path / "full" / "thesis.txt").write_text("mine")
     assert pdvol("wedge", folder / "fall.py", "-o", tmp_path / "full", *WORDS) == 2
     assert "not empty" in capsys.readouterr().err
+
+
+def test_the_first_line_has_the_runs_at_a_time_and_lines_the_time_left(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pdvol.processes.cores", lambda: 2)
+    words = [
+        "wedge",
+        scene_in(tmp_path),
+        "-o",
+        tmp_path / "w",
+        "--steps",
+        1,
+        "--no-picture",
+        "--vary",
+        "mu=0.1,0.2,0.3",
+    ]
+    assert pdvol(*words) == 0
+    first, *lines = capsys.readouterr().err.splitlines()
+    assert first == "3 runs, 2 at a time"
+    assert [line.endswith(" s left") for line in lines[:3]] == [True, True, False]
+    assert pdvol(*words) == 0  # all are stored
+    assert " left" not in capsys.readouterr().err

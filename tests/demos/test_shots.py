@@ -83,12 +83,16 @@ def test_a_variant_is_the_same_demo():
 
 
 def test_check_says_of_each_page_which_commit_it_is_of(capsys):
-    assert main(["--check"]) == (0 if commit() else 2)
-    if commit():
+    code = main(["--check"])
+    if not commit():
+        assert code == 2
+    else:
         lines = capsys.readouterr().out.splitlines()
         runs = [entry.name for entry in ENTRIES]
         assert set(runs) <= {line.split(" | ")[0].strip("| ") for line in lines}
         assert lines[-1].startswith(f"At commit {commit()[:7]}: ")
+        older = [line for line in lines[2:-2] if not line.endswith("| nothing |")]
+        assert code == (1 if older else 0) and f"; {len(older)} have older ones." in lines[-1]
     for wrong in ([], ["--check", "melt"]):
         with pytest.raises(SystemExit):
             main(wrong)

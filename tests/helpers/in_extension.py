@@ -277,7 +277,9 @@ def a_body_is_closed_edited_and_renamed(folder: Path) -> None:
     edit("OBJECT")
     part("BODY", thing)
     error = press("preview")
-    assert "open_box" in error and "open" in error and "\n" not in error, error
+    assert "open_box" in error and "tick Close holes" in error and "\n" not in error, error
+    assert "tick Close holes" in press("check")
+    assert thing.pdvol.bl_rna.properties["repair"].name == "Close holes"
     thing.pdvol.repair = True
     before = world(thing)
     error = press("preview")

@@ -13,7 +13,7 @@ import bpy
 from extension_steps import SAFETY, begin, carry_out, cube, part, places, press, wait, world
 
 # isort: split
-from blender.addon import environment, panel, tasks
+from blender.addon import environment, hooks, operators, panel, tasks
 from blender.shot.files import Places
 from blender.work.session import Task
 from blender.work.stored import stored_levels
@@ -59,11 +59,34 @@ def the_panel_draws_what_there_is(folder: Path) -> None:
     body.pdvol.pins = ""
     assert bpy.ops.pdvol.preview() == {"FINISHED"}
     assert "pdvol.cancel" in drawn()["buttons"]
-    assert wait() == "" and "Preview: done" in drawn()["texts"] and "Levels 0 to 0 are stored" in drawn()["texts"]
+    assert (
+        wait() == ""
+        and "Preview: done" in drawn()["texts"]
+        and "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
+    )
+    scene.pdvol.level = 2
+    assert "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
     scene.pdvol.count = 2
     assert press("wedge") == "" and {"pdvol.choose"} <= drawn()["buttons"]
     body.location.z = 0.0
     assert press("check") and any("ground" in text for text in drawn()["texts"])
+
+
+def a_check_stands_in_the_status_bar_and_ends_with_esc(folder: Path) -> None:
+    """Other keys go on to Blender. Once the check has ended, Esc is not its own any more."""
+    begin(folder)
+    part("BODY", cube("Box", cuts=1))
+    assert hooks.status() is None
+    assert bpy.ops.pdvol.check() == {"FINISHED"}
+    button = SimpleNamespace(task=tasks.session.task)
+    sent = lambda key: operators.PDVOL_OT_check.modal(button, bpy.context, SimpleNamespace(type=key))
+    assert hooks.status().startswith("pdvol: Check") and hooks.status().endswith("(Esc stops it)")
+    assert sent("G") == {"PASS_THROUGH"} and tasks.session.busy
+    assert sent("ESC") == {"CANCELLED"} and not tasks.session.busy
+    assert tasks.session.message == "Check: cancelled" and hooks.status() is None
+    assert bpy.ops.pdvol.preview() == {"FINISHED"} and "Esc" not in hooks.status()
+    assert sent("ESC") == {"FINISHED"} and tasks.session.busy
+    assert wait() == ""
 
 
 class Layout:

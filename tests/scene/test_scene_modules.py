@@ -3,9 +3,12 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from pdvol.errors import InputError
+from pdvol.meshing.readers import read_shape
+from pdvol.runs.scene_file import load_shot
 from pdvol.runs.scene_modules import load_module
 
 NEEDS_ITS_MODULE = {
@@ -114,3 +117,31 @@ def test_modules_of_the_program_itself_stay(tmp_path):
     program += "assert all(sys.modules[name] is module for name, module in before.items() if 'shot' not in name)"
     ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
+
+
+def test_files_lie_beside_the_scene_file_or_in_the_working_folder(tmp_path, monkeypatch):
+    """Also those that a function of the scene reads; a path that is nowhere has both places in its line."""
+    home, work = tmp_path / "home", tmp_path / "work"
+    home.mkdir()
+    work.mkdir()
+    for folder, names in ((home, ("near.off", "both.off")), (work, ("both.off", "far.off"))):
+        for name in names:
+            (folder / name).write_text(TETRAHEDRON)
+    (home / "scene.py").write_text(
+        "import pdvol\n\ndef scene():\n    group = pdvol.VertexGroup('near.off', 'near.txt')\n"
+        "    held = pdvol.Support(lambda X: group(X))\n"
+        "    body = pdvol.Body(('near.off', 'both.off', 'far.off', 'none.off'), pdvol.NeoHookean(1e4), (9,) * 4)\n"
+        "    return pdvol.Scene((body,), 0.01, 1, supports=(held,))\n"
+    )
+    monkeypatch.chdir(work)
+    scene = load_shot(home / "scene.py").scene
+    *found, none = scene.bodies[0].shape
+    assert found == [str(home / "near.off"), str(home / "both.off"), "far.off"]
+    assert len(read_shape(found[2]).vertices) == 4
+    with pytest.raises(InputError, match=f"^{home / 'none.off'}: there is no such file; .*, {work}$"):
+        read_shape(none)
+    (home / "near.txt").write_text("1\n" * 4)
+    assert scene.supports[0].where(np.zeros((1, 3))).all()
+
+
+TETRAHEDRON = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"

@@ -126,14 +126,14 @@ class Grid:
 
 
 def renderer_by(
-    camera: Camera, size: tuple[int, int], oversampling: int = 2, render_meshes: bool = False, cut: Cut | None = None
+    camera: Camera, size: tuple[int, int], oversampling: int = 2, facets: bool = False, cut: Cut | None = None
 ) -> "FlatRenderer | Renderer":
     """The renderer of 2D or of 3D scenes, as the camera's; parameters as for `Renderer`."""
     if camera.dim == 2:
         return FlatRenderer(camera, size, oversampling)
     from pdvol.studio.draw.renderer import Renderer
 
-    return Renderer(camera, size, oversampling, render_meshes, cut)
+    return Renderer(camera, size, oversampling, facets, cut)
 
 
 def frames(
@@ -197,6 +197,6 @@ def composed(
         width = shot.width or MOMENT
         grid = replace(grid, picture=(width, max(2, round(width / cameras[0].aspect))))
     sharp = 2 if max(grid.picture) <= _SHARPEST else 1
-    renderer = renderer_by(cameras[0], grid.picture, sharp, shot.render_meshes, cut)
+    renderer = renderer_by(cameras[0], grid.picture, sharp, shot.facets, cut)
     places = order if order is not None else [[k] * len(panes) for k in range(len(steps))]
     return frames(renderer, grid, panes, ([(steps[k], cameras[k]) for k in each] for each in places))

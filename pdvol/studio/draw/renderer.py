@@ -1,6 +1,7 @@
 """Renders levels of 3D scenes, with one camera and one set of lights for a whole picture or film. Needs no display."""
 
 from contextlib import ExitStack
+from io import BytesIO
 from typing import Any, Self
 
 import numpy as np
@@ -65,7 +66,7 @@ class Renderer(Window):
     Parameters
     ----------
     camera, size, oversampling : as for `Window`
-    render_meshes : whether bodies that carry render meshes are drawn as these
+    facets : whether bodies that carry render meshes are drawn by their cells
     cut : takes away a part of the scene
     """
 
@@ -74,12 +75,13 @@ class Renderer(Window):
         camera: Camera,
         size: tuple[int, int],
         oversampling: int = 2,
-        render_meshes: bool = False,
+        facets: bool = False,
         cut: Cut | None = None,
     ):
         super().__init__(camera, size, oversampling)
-        self._render_meshes, self._cut, self._view = render_meshes, cut, camera
+        self._facets, self._cut, self._view = facets, cut, camera
         self._textures: dict[StoredRender, pv.Texture | None] = {}
+        self._pictures: dict[bytes, pv.Texture | None] = {}  # by content: runs of a scene share a picture
 
     def __enter__(self) -> Self:
         super().__enter__()
@@ -113,14 +115,16 @@ class Renderer(Window):
         return self.image(self._view)
 
     def _draw(self, run: Run, level: RunLevel, positions: np.ndarray, step: int, colours: np.ndarray | None) -> None:
-        carried = run.render_meshes if self._render_meshes else ()
+        names = [str(name) for name in run.info.get("bodies", ())]
+        whole = () if self._facets or colours is not None else run.render_meshes
+        carried = [mesh for mesh in whole if self._cut_of(names[mesh.body], True) is None]
         owners, drawn = level.mesh.point_bodies[level.surface[:, 0]], [mesh.body for mesh in carried]
         shapes = [positions[level.surface[np.isin(owners, drawn)]]]  # corners (k, 3, 3) [m] of triangles, for shadows
         for mesh in carried:
             self._add_render_mesh(mesh, level.render_weights(mesh) @ positions)
         for body in np.setdiff1d(owners, drawn):
             facets, mine, colour = level.surface[owners == body], level.bodies == body, PALETTE[body % len(PALETTE)]
-            cut = self._cut_of(str(run.info["bodies"][body]), True)
+            cut = self._cut_of(names[body], True)
             smooth = len(facets) >= SMOOTH_FROM
             edges = float(np.clip(12.0 / np.sqrt(len(facets)), 0.15, 0.5))  # many edges must not blacken the body
             points = positions
@@ -178,7 +182,10 @@ class Renderer(Window):
         texture are not: each corner of a triangle is a point.
         """
         if mesh not in self._textures:
-            self._textures[mesh] = _texture_of(mesh)
+            content = b"" if mesh.texture is None else mesh.texture.read_bytes()
+            if content not in self._pictures:
+                self._pictures[content] = _texture_of(content)
+            self._textures[mesh] = self._pictures[content]
         smooth = pv.PolyData.from_regular_faces(points, mesh.welded)
         smooth = smooth.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
         corners = mesh.fans.ravel()
@@ -229,11 +236,11 @@ def _ground(lit: np.ndarray) -> np.ndarray:
     return np.round(255 * colour * tint).astype(np.uint8)
 
 
-def _texture_of(mesh: StoredRender) -> pv.Texture | None:
-    """The picture of a render mesh; None where it has none."""
-    if mesh.texture is None:
+def _texture_of(content: bytes) -> pv.Texture | None:
+    """A texture of what a picture's file holds; None for an empty file."""
+    if not content:
         return None
-    with Image.open(mesh.texture) as picture:
+    with Image.open(BytesIO(content)) as picture:
         texture = pv.Texture(np.asarray(picture.convert("RGB")))
     texture.interpolate, texture.repeat = True, True
     return texture

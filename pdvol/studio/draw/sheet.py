@@ -62,7 +62,13 @@ class Tile:
         return None if self.run is None else next((level for level in reversed(self.run.levels) if level.steps), None)
 
 
-def sheet_image(tiles: Sequence[Tile], out: str | Path, columns: int | None = None, apart: Path | None = None) -> Path:
+def sheet_image(
+    tiles: Sequence[Tile],
+    out: str | Path,
+    columns: int | None = None,
+    apart: Path | None = None,
+    facets: bool = False,
+) -> Path:
     """Draw the end of the tiles' runs, in the order given, into a .png.
 
     Parameters
@@ -71,6 +77,7 @@ def sheet_image(tiles: Sequence[Tile], out: str | Path, columns: int | None = No
     out : the file, which is returned
     columns : chosen from the number of tiles when None
     apart : a folder that gets the picture of each tile as a file of its own, `TITLE.png`
+    facets : whether bodies that carry render meshes are drawn by their cells
 
     Raises
     ------
@@ -83,7 +90,8 @@ def sheet_image(tiles: Sequence[Tile], out: str | Path, columns: int | None = No
     camera = shared_camera(tiles)
     grid = sheet_grid(tiles, camera.aspect if camera else SHAPE, columns)
     ends = [(level.steps - 1 if (level := tile.level) else 0, camera) for tile in tiles]
-    (sheet,) = frames(renderer_by(camera, grid.picture) if camera else None, grid, _panes(tiles, grid), [ends])
+    renderer = renderer_by(camera, grid.picture, facets=facets) if camera else None
+    (sheet,) = frames(renderer, grid, _panes(tiles, grid), [ends])
     for number, tile in enumerate(tiles):
         if apart is not None and tile.level is not None:
             x, y = grid.corner(number)
@@ -91,13 +99,13 @@ def sheet_image(tiles: Sequence[Tile], out: str | Path, columns: int | None = No
     return write_png(out, sheet)
 
 
-def sheet_film(tiles: Sequence[Tile], out: str | Path) -> Path:
+def sheet_film(tiles: Sequence[Tile], out: str | Path, facets: bool = False) -> Path:
     """Film the tiles, in the order given, into a .gif, .mp4 or .webp. A run that ended before the others keeps its
     last state.
 
     Parameters
     ----------
-    tiles : as for `sheet_image`
+    tiles, facets : as for `sheet_image`
     out : the file, which is returned
 
     Raises
@@ -114,7 +122,7 @@ def sheet_film(tiles: Sequence[Tile], out: str | Path) -> Path:
         grid = sheet_grid(tiles, aspect, None, WIDEST_DENSE_FILM)
     times, rate = film_times(tiles)
     moments = ([(round(time / tile.run.dt) if tile.run else 0, camera) for tile in tiles] for time in times)
-    renderer = renderer_by(camera, grid.picture, oversampling=1) if camera else None
+    renderer = renderer_by(camera, grid.picture, 1, facets) if camera else None
     out.parent.mkdir(parents=True, exist_ok=True)
     return write_film(out, frames(renderer, grid, _panes(tiles, grid), moments), rate)
 

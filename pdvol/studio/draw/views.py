@@ -49,7 +49,7 @@ class Shot:
     turn : turns the camera about a 3D scene, from the front to its right [degrees]
     cut : "z=0.1" takes away what bodies of a 3D scene have before the plane z = 0.1 m, seen from the camera;
         "z=0.1:NAME,..." cuts these bodies and obstacles alone
-    render_meshes : whether bodies that carry render meshes are drawn as these
+    facets : whether bodies that carry render meshes are drawn by their cells
     width : of one moment [pixels]; 420 when None, and films of a single level are then 960 x 540
     size : width and height of the whole file [pixels], instead of `width`
     fps : frames a second of a film; it plays at real speed, each frame shows the nearest stored state
@@ -59,7 +59,7 @@ class Shot:
     view: str = ""
     turn: float = 0.0
     cut: str = ""
-    render_meshes: bool = False
+    facets: bool = False
     width: int | None = None
     size: tuple[int, int] | None = None
     fps: float | None = None

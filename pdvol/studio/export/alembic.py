@@ -1,6 +1,6 @@
 """Alembic caches: one file a level, with a mesh for each body and obstacle, for Blender, Maya and Houdini.
 
-    /<name>/<name>Shape   points and normals of corners in every frame; faces once
+    /<name>/<name>Shape   points and normals of corners in every frame; faces and texture coordinates once
 
 Alembic's conventions hold: y is upward, corners go clockwise around a face as seen from outside, and times are seconds.
 Alembic has neither materials nor units; metres are written.
@@ -59,12 +59,16 @@ def _y_up(up: np.ndarray) -> np.ndarray:
 def _write_parts(
     archive: Any, parts: Sequence[Part], tracks: Sequence[Track], shown: Iterable, rate: float, turn: np.ndarray
 ) -> None:
+    import imath
     from alembic3d.AbcCoreAbstract import TimeSampling
     from alembic3d.AbcGeom import GeometryScope, ON3fGeomParamSample, OPolyMesh, OPolyMeshSchemaSample, OXform
-    from imath import DoubleArrayFromBuffer, IntArrayFromBuffer, UnsignedIntArray, V3fArrayFromBuffer
+    from alembic3d.AbcGeom import OV2fGeomParamSample as UVs
 
     def placed(points: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(points @ turn.T, dtype=np.float32)
+
+    def numbered(index: np.ndarray) -> Any:
+        return imath.UnsignedIntArray(imath.DoubleArrayFromBuffer(index.astype(float)))  # it takes no integers
 
     times = archive.addTimeSampling(TimeSampling(1.0 / rate, 0.0))
     meshes = []
@@ -76,12 +80,13 @@ def _write_parts(
         )
         normals = CornerNormals(part)
         corners = part.corners[clockwise].astype(np.int32)
-        numbers = UnsignedIntArray(
-            DoubleArrayFromBuffer(normals.index[clockwise].astype(float))
-        )  # it takes no integers
-        meshes.append((part.moves, schema, track, corners, part.counts.astype(np.int32), normals, numbers))
+        uvs, render = None, part.render
+        if render is not None and len(render.uvs):
+            uvs = np.ascontiguousarray(render.uvs, dtype=np.float32), numbered(render.uv_corners[clockwise])
+        numbers = numbered(normals.index[clockwise])
+        meshes.append((part.moves, schema, track, corners, part.counts.astype(np.int32), normals, numbers, uvs))
     for number, _ in enumerate(shown):
-        for moves, schema, track, corners, counts, normals, numbers in meshes:
+        for moves, schema, track, corners, counts, normals, numbers, uvs in meshes:
             if number and not moves:
                 continue
             # The arrays that a sample refers to live until it is written.
@@ -89,10 +94,12 @@ def _write_parts(
             points, velocities = placed(at), None if along is None else placed(along)
             vectors = placed(normals.at(at))
             sample = OPolyMeshSchemaSample(
-                V3fArrayFromBuffer(points), IntArrayFromBuffer(corners), IntArrayFromBuffer(counts)
+                imath.V3fArrayFromBuffer(points), imath.IntArrayFromBuffer(corners), imath.IntArrayFromBuffer(counts)
             )
             if velocities is not None and moves:
-                sample.setVelocities(V3fArrayFromBuffer(velocities))
+                sample.setVelocities(imath.V3fArrayFromBuffer(velocities))
             scope = GeometryScope.kFacevaryingScope
-            sample.setNormals(ON3fGeomParamSample(V3fArrayFromBuffer(vectors), numbers, scope))
+            sample.setNormals(ON3fGeomParamSample(imath.V3fArrayFromBuffer(vectors), numbers, scope))
+            if uvs is not None and not number:
+                sample.setUVs(UVs(imath.V2fArrayFromBuffer(uvs[0]), uvs[1], scope))
             schema.set(sample)

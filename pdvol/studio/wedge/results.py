@@ -1,5 +1,6 @@
 """What a user sees of a wedge: progress, the table, the contact sheet, its film, and parameters against scores."""
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,7 @@ from pdvol.studio.wedge.wedge import Report, Wedge, change, stored_runs
 
 @contextmanager
 def progress(total: int, best_of: str = "", stream: TextIO | None = None) -> Iterator[Report]:
-    """Shows how many runs have ended: one bar on a terminal, a line per run anywhere else.
+    """Shows how many runs have ended and the time left: one bar on a terminal, a line per run anywhere else.
 
     Parameters
     ----------
@@ -29,11 +30,13 @@ def progress(total: int, best_of: str = "", stream: TextIO | None = None) -> Ite
     stream = progress_stream() if stream is None else stream
     states: list[str] = []
     scores: dict[int, float] = {}
-    lines = not stream.isatty()
+    lines, begin, computed = not stream.isatty(), time.monotonic(), 0
     with tqdm(total=total, desc="wedge", unit="run", file=stream, dynamic_ncols=True, disable=lines) as bar:
 
         def ended(entry: dict[str, Any], outcome: Outcome) -> None:
+            nonlocal computed
             states.append(outcome.state)
+            computed += outcome.seconds > 0.0
             if entry["scores"].get(best_of) is not None:
                 scores[entry["number"]] = entry["scores"][best_of]
             failed, best = len(states) - states.count("done"), max(scores, key=lambda n: scores[n], default=None)
@@ -42,6 +45,9 @@ def progress(total: int, best_of: str = "", stream: TextIO | None = None) -> Ite
             if lines:
                 how = f"done in {outcome.seconds:.1f} s" if outcome.seconds else "stored before"
                 how = how if outcome.state == "done" else f"{outcome.state}: {outcome.reason}"
+                if computed and len(states) < total:
+                    left = (time.monotonic() - begin) / computed * (total - len(states))
+                    notes.append(f"about {left:.0f} s left")
                 line = f"{len(states)}/{total}  number {entry['number']}, {entry['name']}: {how}"
                 print("; ".join([line, *notes]), file=stream, flush=True)
             else:
@@ -105,7 +111,7 @@ def scored_bodies(scores: Sequence[str], bodies: Sequence[str]) -> list[str]:
 
 
 def draw_results(
-    wedge: Wedge, entries: Sequence[Mapping[str, Any]], sheet: bool, film: bool, apart: bool
+    wedge: Wedge, entries: Sequence[Mapping[str, Any]], sheet: bool, film: bool, apart: bool, facets: bool = False
 ) -> list[Path]:
     """Draw variations in their order; returns the files.
 
@@ -114,13 +120,15 @@ def draw_results(
     sheet : whether to draw sheet.png, and scatter.png where there are parameters and scores
     film : whether to write sheet.mp4
     apart : whether the sheet's pictures are also written as files, `tiles/NUMBER.png`
+    facets : whether bodies that carry render meshes are drawn by their cells
     """
     from pdvol.studio.draw.plots import scatter_image  # matplotlib
 
     shown, files = entries[:MOST_TILES], list[Path]()
     drawn = tiles(shown, stored_runs(wedge.out, shown)) if sheet or film else []
     if sheet:
-        files.append(sheet_image(drawn, wedge.out / "sheet.png", apart=wedge.out / "tiles" if apart else None))
+        tiles_folder = wedge.out / "tiles" if apart else None
+        files.append(sheet_image(drawn, wedge.out / "sheet.png", None, tiles_folder, facets))
         done = [entry for entry in entries if entry["state"] == "done"]
         names = dict.fromkeys(name for entry in done for name in entry["changes"])
         values = {name: [change(entry, name) for entry in done] for name in names}
@@ -130,5 +138,5 @@ def draw_results(
             numbers = [str(entry["number"]) for entry in done]
             files.append(scatter_image(values, scores, numbers, wedge.out / "scatter.png"))
     if film:
-        files.append(sheet_film(drawn, wedge.out / "sheet.mp4"))
+        files.append(sheet_film(drawn, wedge.out / "sheet.mp4", facets))
     return files

@@ -109,7 +109,9 @@ def test_chosen_steps_hold_both_ends(flat_run, solid_run):
 
 
 def test_a_render_mesh_is_drawn_with_its_texture(tmp_path):
-    """A box whose faces are blue above and green below, and without its render mesh of the first body's colour."""
+    """A box whose faces are blue above and green below, and by its facets of the first body's colour, also where it is
+    cut.
+    """
     texture, buffer, mesh = np.zeros((8, 8, 3), dtype=np.uint8), io.BytesIO(), box(3, 2)
     texture[:4], texture[4:] = (0, 0, 255), (0, 255, 0)
     Image.fromarray(texture).save(buffer, "PNG")
@@ -117,14 +119,15 @@ def test_a_render_mesh_is_drawn_with_its_texture(tmp_path):
         run.write_render_meshes([entry_of(mesh, 0, grown_box(0.0, 1.0, 0.03), texture=(buffer.getvalue(), ".png"))])
         run.write_state(0, 0, mesh.points)
     found = []
-    for shot in (Shot("front", render_meshes=True), Shot("front")):
+    for shot in (Shot("front"), Shot("front", facets=True), Shot("front", cut="y=0.5")):
         red, green, blue = np.moveaxis(pixels(render(open_run(tmp_path / "run"), tmp_path / "a.png", shot=shot)), 2, 0)
         others = (np.maximum(green, blue), np.maximum(red, blue), np.maximum(red, green))
         found.append([mine - other > 60 for mine, other in zip((red, green, blue), others, strict=True)])
-    (warm, green, blue), plain = found
+    (warm, green, blue), *plain = found
     assert blue.mean() > 0.05 and green.mean() > 0.05 and warm.mean() < 0.001
     assert np.nonzero(blue)[0].mean() < np.nonzero(green)[0].mean() - 20, "the upper half of the texture is above"
-    assert plain[0].mean() > 0.1 and plain[1].mean() == plain[2].mean() == 0.0
+    for others in plain:
+        assert others[0].mean() > 0.1 and others[1].mean() == others[2].mean() == 0.0
 
 
 def test_shadows_are_darker_where_a_body_is_nearer():

@@ -47,6 +47,22 @@ def expected(run, level, step, k=0):
     return PLACE(SEAMS.shape.vertices if k == 0 else grown_box(0.3, 0.7, 0.0).vertices) + fall
 
 
+def test_alembic_has_texture_coordinates_by_corner(stored, tmp_path):
+    Abc, Geom = pytest.importorskip("alembic3d.Abc"), pytest.importorskip("alembic3d.AbcGeom")
+    from alembic3d.Abc import ISampleSelector
+
+    (file,), _ = export_run(stored, "alembic", tmp_path, [1])
+    top, given, shape = Abc.IArchive(str(file)).getTop(), {}, SEAMS.shape
+    for place in (top.getChild(i) for i in range(top.getNumChildren())):
+        given[place.getName()] = Geom.IPolyMesh(place, place.getChild(0).getName()).getSchema().getUVsParam()
+    assert not given["plain"].valid()
+    uvs = given["soft_box_render"]
+    assert uvs.getScope() == Geom.GeometryScope.kFacevaryingScope
+    found = np.array([tuple(uv) for uv in uvs.getExpandedValue(ISampleSelector(0)).getVals()])
+    faces = np.split(shape.uvs[shape.uv_corners], np.cumsum(shape.counts)[:-1])
+    np.testing.assert_allclose(found, np.concatenate([face[::-1] for face in faces]), atol=1e-7)
+
+
 @pytest.mark.parametrize("level", [0, 1])
 @pytest.mark.parametrize("kind", ["obj", "pc2"])
 def test_obj_files_with_texture_coordinates(kind, level, stored, tmp_path):
