@@ -18,6 +18,7 @@ from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.script import Obstacle
 
+ROUNDING = 1e-6  # of a depth: smaller coordinates are shown as 0
 TRIED_VERTICES = 200  # of an obstacle, to see whether it is inside another one
 WORDS = {1: "vertex", 2: "edge", 3: "triangle"}
 MEND = "move them apart, or give more vertices to coarse levels"
@@ -322,7 +323,8 @@ class _Boundaries:
             places = nearest_points(self.points, facets, within)[1] if len(within) else within
             depths = np.linalg.norm(within - places, axis=1)
             if depths.max(initial=0.0) > most:
-                most, place = depths.max(), ", ".join(f"{x:.3g}" for x in places[np.argmax(depths)])
+                most, where = depths.max(), places[np.argmax(depths)]
+                place = ", ".join(f"{x:.3g}" for x in np.where(np.abs(where) < ROUNDING * most, 0.0, where))
                 words = f", by up to {most:.3g} m, from ({place}) into {self.names[outer]}"
         return words
 
