@@ -245,7 +245,17 @@ def test_another_scene_and_a_full_folder_are_refused(folder, tmp_path, capsys):
 
 def test_the_first_line_has_the_runs_at_a_time_and_lines_the_time_left(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("pdvol.processes.cores", lambda: 2)
-    words = ["wedge", scene_in(tmp_path), "-o", tmp_path / "w", "--steps", 1, "--no-picture", "--vary", "mu=0.1,0.2,0.3"]
+    words = [
+        "wedge",
+        scene_in(tmp_path),
+        "-o",
+        tmp_path / "w",
+        "--steps",
+        1,
+        "--no-picture",
+        "--vary",
+        "mu=0.1,0.2,0.3",
+    ]
     assert pdvol(*words) == 0
     first, *lines = capsys.readouterr().err.splitlines()
     assert first == "3 runs, 2 at a time"

@@ -59,7 +59,11 @@ def the_panel_draws_what_there_is(folder: Path) -> None:
     body.pdvol.pins = ""
     assert bpy.ops.pdvol.preview() == {"FINISHED"}
     assert "pdvol.cancel" in drawn()["buttons"]
-    assert wait() == "" and "Preview: done" in drawn()["texts"] and "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
+    assert (
+        wait() == ""
+        and "Preview: done" in drawn()["texts"]
+        and "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
+    )
     scene.pdvol.level = 2
     assert "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
     scene.pdvol.count = 2
