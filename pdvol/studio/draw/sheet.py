@@ -62,20 +62,13 @@ class Tile:
         return None if self.run is None else next((level for level in reversed(self.run.levels) if level.steps), None)
 
 
-def sheet_image(
-    tiles: Sequence[Tile],
-    out: str | Path,
-    columns: int | None = None,
-    apart: Path | None = None,
-    facets: bool = False,
-) -> Path:
+def sheet_image(tiles: Sequence[Tile], out: str | Path, apart: Path | None = None, facets: bool = False) -> Path:
     """Draw the end of the tiles' runs, in the order given, into a .png.
 
     Parameters
     ----------
     tiles : 1 to `MOST_TILES`
     out : the file, which is returned
-    columns : chosen from the number of tiles when None
     apart : a folder that gets the picture of each tile as a file of its own, `TITLE.png`
     facets : whether bodies that carry render meshes are drawn by their cells
 
@@ -88,7 +81,7 @@ def sheet_image(
     if out.suffix.lower() != ".png":
         raise InputError(f"{out}: the name of a contact sheet's picture ends in .png")
     camera = shared_camera(tiles)
-    grid = sheet_grid(tiles, camera.aspect if camera else SHAPE, columns)
+    grid = sheet_grid(tiles, camera.aspect if camera else SHAPE)
     ends = [(level.steps - 1 if (level := tile.level) else 0, camera) for tile in tiles]
     renderer = renderer_by(camera, grid.picture, facets=facets) if camera else None
     (sheet,) = frames(renderer, grid, _panes(tiles, grid), [ends])
@@ -117,9 +110,9 @@ def sheet_film(tiles: Sequence[Tile], out: str | Path, facets: bool = False) -> 
     """
     out, camera = Path(out), shared_camera(tiles)
     aspect = camera.aspect if camera else SHAPE
-    grid = sheet_grid(tiles, aspect, None, WIDEST_FILM)
+    grid = sheet_grid(tiles, aspect, WIDEST_FILM)
     if grid.columns >= DENSE_FROM:
-        grid = sheet_grid(tiles, aspect, None, WIDEST_DENSE_FILM)
+        grid = sheet_grid(tiles, aspect, WIDEST_DENSE_FILM)
     times, rate = film_times(tiles)
     moments = ([(round(time / tile.run.dt) if tile.run else 0, camera) for tile in tiles] for time in times)
     renderer = renderer_by(camera, grid.picture, 1, facets) if camera else None
@@ -166,17 +159,14 @@ def shared_camera(tiles: Sequence[Tile]) -> Camera | None:
     return fitted_camera(points, dim, up)
 
 
-def sheet_grid(tiles: Sequence[Tile], aspect: float, columns: int | None, widest: int = WIDEST_SHEET) -> Grid:
+def sheet_grid(tiles: Sequence[Tile], aspect: float, widest: int = WIDEST_SHEET) -> Grid:
     """The places of tiles with pictures of this aspect, on a sheet of at most this width [pixels]; the longest label
     fits into all.
     """
     count, lines = len(tiles), max(len(tile.lines) for tile in tiles) + 1
-    if columns is not None and columns < 1:
-        raise InputError(f"columns = {columns} of a contact sheet must be at least 1")
-    if columns is None:
-        tall = 1.0 / aspect + 0.09 * lines  # a tile's height over its width, about
-        most = (widest - TILE_GAP) // (NARROWEST_TILE + TILE_GAP)
-        columns = max(1, min(count, most, round(np.sqrt(count * tall * SHAPE))))
+    tall = 1.0 / aspect + 0.09 * lines  # a tile's height over its width, about
+    most = (widest - TILE_GAP) // (NARROWEST_TILE + TILE_GAP)
+    columns = max(1, min(count, most, round(np.sqrt(count * tall * SHAPE))))
     width = int(np.clip((widest - TILE_GAP) // columns - TILE_GAP, NARROWEST_TILE, WIDEST_TILE))
     width -= width % 2
     size, line = _letters(width)

@@ -148,11 +148,11 @@ class WedgeTable:
         """
         return open_run(chosen_run(self.folder, str(number))[0])
 
-    def sheet(self, columns: int | None = None) -> Image.Image:
+    def sheet(self) -> Image.Image:
         """All variations in one picture."""
         with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
             drawn = tiles(self.entries, stored_runs(self.folder, self.entries))
-            with Image.open(sheet_image(drawn, Path(folder) / "sheet.png", columns)) as image:
+            with Image.open(sheet_image(drawn, Path(folder) / "sheet.png")) as image:
                 return image.convert("RGB")
 
     def pick(self, number: int, out: str | Path, to: int | None = None) -> Run:

@@ -127,8 +127,7 @@ def draw_results(
     shown, files = entries[:MOST_TILES], list[Path]()
     drawn = tiles(shown, stored_runs(wedge.out, shown)) if sheet or film else []
     if sheet:
-        tiles_folder = wedge.out / "tiles" if apart else None
-        files.append(sheet_image(drawn, wedge.out / "sheet.png", None, tiles_folder, facets))
+        files.append(sheet_image(drawn, wedge.out / "sheet.png", wedge.out / "tiles" if apart else None, facets))
         done = [entry for entry in entries if entry["state"] == "done"]
         names = dict.fromkeys(name for entry in done for name in entry["changes"])
         values = {name: [change(entry, name) for entry in done] for name in names}
