@@ -179,10 +179,15 @@ def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None, h
     from pdvol.stages import stage
 
     with stage(f"loading {file}"):
-        from pdvol.runs.scene_file import load_shot, parse_settings
+        from pdvol.runs.scene_file import load_shot, parse_settings, with_hand
+        from pdvol.scene import Hand
         from pdvol.scene.fingerprint import not_compared
 
-        shot = load_shot(file, parse_settings(settings), steps, hand=hand)
+        shot = load_shot(file, parse_settings(settings), steps)
+        if hand is not None:
+            if not hand.is_file():
+                raise InputError(f"{hand}, what a hand did, is missing")
+            shot = with_hand(shot, Hand(hand), Hand(hand).steps if steps is None else steps)
     for line in not_compared(shot.description()):
         if this_rank() == 0:
             print(

@@ -9,7 +9,6 @@ can: up to step s they are the same. `run.json` names the first run.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle, Script
-from pdvol.runs.scene_file import Shot, both_described, kept_value
+from pdvol.runs.scene_file import Shot, both_described, kept_value, with_hand
 from pdvol.runs.separation import build_apart
 from pdvol.scene import RECORD, Hand
 from pdvol.scene.fingerprint import differences
@@ -65,7 +64,7 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
         raise InputError(f"step {step} is the end of the shot, which has {shot.scene.steps} steps")
     hand = shot.scene.hand
     if shot.scene.played is not None:  # it goes on from what the run's hand has done
-        shot = replace(shot, scene=replace(shot.scene, hand=run.hand or hand))
+        shot = with_hand(shot, run.hand or shot.scene.played, shot.scene.steps)
     _check_same(run, shot, step)
     reached = next((i for i, level in enumerate(run.levels) if level.steps <= step), len(run.levels))
     if last >= reached:

@@ -1,6 +1,5 @@
 """From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. Collective."""
 
-import dataclasses
 import platform
 import shutil
 import sys
@@ -30,7 +29,7 @@ from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.preparation import Prepared, prepared_levels
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
-from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot
+from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot, with_hand
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
 from pdvol.scene import RECORD, Hand, Scene
@@ -178,8 +177,7 @@ def refine_run(out: str | Path, last: int, how: Execution = USUAL) -> Path:
     shot = stored_shot(info, is_own_run(Path(out), file))
     if shot.scene.played is not None:  # its process was killed
         hand = Hand(shot.scene.played.file)
-        scene = dataclasses.replace(shot.scene, hand=hand, steps=min(shot.scene.steps, hand.steps))
-        shot = dataclasses.replace(shot, scene=scene)
+        shot = with_hand(shot, hand, min(shot.scene.steps, hand.steps))
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, how)
 
 

@@ -106,10 +106,13 @@ def stored_shot(info: Mapping, trusted: bool = False) -> Shot:
     """The shot that `run.json` describes, with its settings and steps; raises as `stored_file` and `load_shot`."""
     settings = {name: stored_value(value) for name, value in info["parameters"].items()}
     shot, channel = load_shot(stored_file(info), settings, info["steps"], trusted), info.get("channel")
-    if "hand" not in info:
-        return shot
-    hand = Hand(Path(info["hand"]), None if channel is None else Path(channel))
-    return replace(shot, scene=replace(shot.scene, hand=hand))
+    hand = Hand(Path(info.get("hand", "")), None if channel is None else Path(channel))
+    return with_hand(shot, hand, info["steps"]) if "hand" in info else shot
+
+
+def with_hand(shot: Shot, hand: Hand, steps: int) -> Shot:
+    """The same shot with a hand, and so many steps."""
+    return replace(shot, scene=replace(shot.scene, hand=hand, steps=steps))
 
 
 def both_described(info: Mapping, shot: Shot) -> tuple[dict, dict]:
@@ -141,18 +144,13 @@ def stored_value(value: Any) -> Any:
 
 
 def load_shot(
-    file: str | Path,
-    settings: Mapping | None = None,
-    steps: int | None = None,
-    trusted: bool = True,
-    hand: Path | None = None,
+    file: str | Path, settings: Mapping | None = None, steps: int | None = None, trusted: bool = True
 ) -> Shot:
     """Runs a scene file's `scene(**parameters)`; settings of the solver and the penalty go there instead.
 
     Parameters
     ----------
     trusted : whether it may run if it, or a module beside it, has not run here before, with these texts in settings
-    hand : the record of a hand that the scene gets, and its number of steps where `steps` is not given
 
     Raises
     ------
@@ -177,11 +175,6 @@ def load_shot(
     if not isinstance(scene, Scene):
         raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
     scene = scene.with_settings(**{name: value for name, value in settings.items() if name not in given})
-    if hand is not None:
-        if not hand.is_file():
-            raise InputError(f"{hand}, what a hand did, is missing")
-        scene = replace(scene, hand=Hand(hand))
-        steps = Hand(hand).steps if steps is None else steps
     if steps is not None:
         scene = replace(scene, steps=steps)
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))

@@ -17,7 +17,7 @@ from pdvol.errors import InputError
 from pdvol.measure.verify import verify_run
 from pdvol.runs.branch import branch_run
 from pdvol.runs.runner import Execution, refine_run, run_scene
-from pdvol.runs.scene_file import Shot
+from pdvol.runs.scene_file import Shot, load_shot, with_hand
 from pdvol.scene import RECORD, Hand
 from pdvol.studio.live import player
 from runs import assert_same_runs
@@ -298,7 +298,7 @@ def test_the_command_line_plays_replays_and_refines(tmp_path):
     assert_same_runs(take, again)
     record = Hand(take / RECORD)
     record.keep(9)
-    run_scene(shot_again(file, record), tmp_path / "short", 0, 0, how=Execution(xdmf=False))
+    run_scene(with_hand(load_shot(file), record, 9), tmp_path / "short", 0, 0, how=Execution(xdmf=False))
     assert pdvol.open_run(tmp_path / "short").info["steps"] == 9
     info = json.loads((tmp_path / "short" / "run.json").read_text())
     killed = info | {"steps": 500, "channel": str(tmp_path / "state")}
@@ -306,12 +306,6 @@ def test_the_command_line_plays_replays_and_refines(tmp_path):
     refine_run(tmp_path / "short", 1, Execution(xdmf=False))
     run = pdvol.open_run(tmp_path / "short")
     assert run.info["state"] == "done" and [level.steps for level in run.levels] == [10, 10]
-
-
-def shot_again(file: Path, hand: Hand) -> Shot:
-    from pdvol.runs.scene_file import load_shot
-
-    return load_shot(file, hand=hand.file)
 
 
 def test_mistakes_have_a_line(tmp_path, capsys):

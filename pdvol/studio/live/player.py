@@ -9,7 +9,6 @@ import json
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
-from pdvol.runs.scene_file import Shot
+from pdvol.runs.scene_file import Shot, with_hand
 from pdvol.scene import RECORD, Hand, Led, Pull
 from pdvol.scene.checks import near, plain, require, vector
 from pdvol.scene.hand import check_pull
@@ -33,7 +32,7 @@ MOST_SAID = 100  # lines about mistakes, so that a page that makes them again an
 def played(shot: Shot, out: Path, channel: Path, steps: int | None) -> Shot:
     """A shot that a hand plays into a run folder, by its state in the file `channel`, for so many steps at most."""
     hand = Hand(out.resolve() / RECORD, channel.resolve())
-    return replace(shot, scene=replace(shot.scene, hand=hand, steps=steps or LONGEST * shot.scene.steps))
+    return with_hand(shot, hand, steps or LONGEST * shot.scene.steps)
 
 
 class Player:
