@@ -227,7 +227,8 @@ class Session:
                 run.note = f"level {run.finest + 1} had not reached step {branch[1]}: this run is not refined that far"
         if hand is not None:
             run.finest, run.refined, run.note, self.paused = self.finest, 0, note, False
-            follows = self.finest > 0 and idle_cores() > 1  # level 1, in a process of its own
+            reached = branch is None or branch[0].levels_with(branch[1]) > 1
+            follows = self.finest > 0 and reached and idle_cores() > 1  # level 1, in a process of its own
             more += ["--hand-from", hand.file, *(["--wavefront"] if follows else [])]
             self._carry_out(run, ["--levels", f"0:{int(follows)}", *more])
         else:
