@@ -20,12 +20,12 @@ from pdvol.levels.scene_fields import start_positions, support_label, supported_
 from pdvol.levels.script import HeldPoints, Obstacle, Script
 from pdvol.runs.scene_file import Shot, both_described, kept_value, with_hand
 from pdvol.runs.separation import build_apart
-from pdvol.scene import RECORD, Hand
+from pdvol.scene import Hand
 from pdvol.scene.fingerprint import differences
 from pdvol.scene.hand import same_up_to
 from pdvol.store.copying import copy_run, require_new
 from pdvol.store.files import write_json
-from pdvol.store.folder import hold, require_scene
+from pdvol.store.folder import RECORD, hold, require_scene
 from pdvol.store.log import read_log, write_log
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel, open_run

@@ -32,13 +32,13 @@ from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot, with_hand
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
-from pdvol.scene import RECORD, Hand, Scene
+from pdvol.scene import Hand, Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.scene.hand import same_up_to
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable, require_place
-from pdvol.store.folder import holds_run, in_use, read_info, require_free, require_scene
+from pdvol.store.folder import RECORD, holds_run, in_use, read_info, require_free, require_scene
 from pdvol.store.reader import Run, open_run
 from pdvol.store.writer import RunWriter
 

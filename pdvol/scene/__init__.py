@@ -8,7 +8,7 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 from pdvol.scene.attachments import Attachment, Pull
 from pdvol.scene.bodies import Body, Separate, Shape
 from pdvol.scene.contact import Barrier, Friction, Pascal
-from pdvol.scene.hand import RECORD, Hand
+from pdvol.scene.hand import Hand
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import (

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -34,9 +34,9 @@ def located(value: Any) -> Any:
     folder = _beside.get()
     if isinstance(value, tuple | list):
         return type(value)(map(located, value)) if any(isinstance(one, str | Path) for one in value) else value
-    if folder is None or not isinstance(value, str | Path) or not str(value):
+    if folder in (None, Path.cwd()) or not isinstance(value, str | Path) or not str(value):
         return value
-    path = folder / Path(value).expanduser()
+    path = cast(Path, folder) / Path(value).expanduser()
     return value if Path(value).expanduser().exists() and not path.exists() else type(value)(path)
 
 

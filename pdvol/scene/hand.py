@@ -18,7 +18,6 @@ from pdvol.errors import InputError
 from pdvol.scene.checks import count, plain, positive, require, text, vector
 from pdvol.scene.element import NOT_SIMULATED
 
-RECORD = "hand.jsonl"  # name of a run's record in its folder
 FARTHEST = 1e9  # m: coordinates of a pull, whose squares and cubes are numbers
 
 

@@ -2,12 +2,12 @@
 
 import shutil
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.scene import RECORD, Hand
 from pdvol.store.files import TEMPORARY, jsonable, write_json
-from pdvol.store.folder import RUN_FORMAT, late_file, level_folder, run_state
+from pdvol.store.folder import RECORD, RUN_FORMAT, late_file, level_folder, run_state
 from pdvol.store.log import write_known
 from pdvol.store.reader import Run, open_run
 from pdvol.store.states import States
@@ -53,7 +53,7 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
         if run.hand is not None:
             shutil.copyfile(run.hand.file, target / RECORD)
             if steps is not None:
-                Hand(target / RECORD).keep(steps - 1)
+                replace(run.hand, file=target / RECORD).keep(steps - 1)
     except OSError as error:
         raise SimulationError(f"cannot copy {source} to {target}: {error.strerror or error}") from error
     write_known(source / "log.jsonl", target / "log.jsonl", dict(enumerate(counts)))

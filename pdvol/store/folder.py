@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from pdvol.errors import InputError
-from pdvol.scene import RECORD
 from pdvol.store.files import TEMPORARY, lock, make_folder, read_json, require_place, write_json
 
 RUN_FORMAT = 2  # of run.json: increased when an older pdvol cannot read new folders
 OLD_FORMAT = 1  # is read, and converted by the next process that writes
+RECORD = "hand.jsonl"  # name of the record of what a hand did
 # States of levels. A run has the first one that any of its levels has.
 LEVEL_STATES = ("running", "failed", "interrupted", "done", "pending")
 

@@ -13,9 +13,8 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.scene import RECORD, Hand
 from pdvol.store.files import lock, read_array, read_arrays, require_no_link_out
-from pdvol.store.folder import OLD_FORMAT, late_file, level_folder, read_info
+from pdvol.store.folder import OLD_FORMAT, RECORD, late_file, level_folder, read_info
 from pdvol.store.log import read_log
 from pdvol.store.obstacles import DrawnObstacle, read_obstacles
 from pdvol.store.old_states import OldStates
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
 
     from pdvol.compat import fem
     from pdvol.levels.space import LevelSpace
+    from pdvol.scene import Hand
 
 KEPT_STATES = 8  # states of a level that stay in memory: the forces at the end of a step look at six of the level below
 
@@ -274,9 +274,13 @@ class Run:
         return self._log[1]
 
     @cached_property
-    def hand(self) -> Hand | None:
+    def hand(self) -> "Hand | None":
         """The record of its hand; None of a run without one."""
-        return Hand(self.path / RECORD) if "hand" in self.info else None
+        if "hand" not in self.info:
+            return None
+        from pdvol.scene import Hand
+
+        return Hand(self.path / RECORD)
 
     @cached_property
     def obstacles(self) -> tuple[DrawnObstacle, ...]:

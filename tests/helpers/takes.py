@@ -20,7 +20,8 @@ from pdvol.measure.verify import verify_run
 from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import Shot, load_shot
-from pdvol.scene import RECORD, Hand
+from pdvol.scene import Hand
+from pdvol.store.folder import RECORD
 from pdvol.studio.live import player
 
 DEMOS = Path(__file__).resolve().parents[2] / "demos"

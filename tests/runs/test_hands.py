@@ -18,7 +18,8 @@ from pdvol.measure.verify import verify_run
 from pdvol.runs.branch import branch_run
 from pdvol.runs.runner import Execution, refine_run, run_scene
 from pdvol.runs.scene_file import Shot, load_shot, with_hand
-from pdvol.scene import RECORD, Hand
+from pdvol.scene import Hand
+from pdvol.store.folder import RECORD
 from pdvol.studio.live import player
 from runs import assert_same_runs
 from shapes import grid

@@ -17,9 +17,10 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.runs.scene_file import Shot, with_hand
-from pdvol.scene import RECORD, Hand, Led, Pull
+from pdvol.scene import Hand, Led, Pull
 from pdvol.scene.checks import near, plain, require, vector
 from pdvol.scene.hand import check_pull
+from pdvol.store.folder import RECORD
 
 SPEED = 5.0  # diagonals of the smallest body that a hand shifts things by in a second, about as fast as a pull
 YIELDING = 0.1  # of that speed, at which a hand presses against what holds it back
