@@ -125,6 +125,17 @@ def test_a_change_ends_a_take_which_stays(session):
     assert take.stored.info["steps"] == take.steps - 1
 
 
+def test_a_take_goes_on_from_a_step_that_only_level_0_has_reached(session, monkeypatch):
+    step = 0
+    for cores in (1, 2):  # with the second one idle, level 1 would follow
+        monkeypatch.setattr("pdvol.studio.live.session.idle_cores", lambda cores=cores: cores)
+        take = play(session, step)
+        until(session, lambda take=take, step=step: take.steps > step + 4)
+        step = take.steps - 1
+    assert "step 0" not in take.note and step > 0
+    end(session, take)
+
+
 WRONG = [
     [{"number": 1, "body": "square", "place": [0.0, 1.0]}],
     [{"number": 1, "body": "square", "place": [0.0, float("nan")], "point": [0.0, 0.0]}],
