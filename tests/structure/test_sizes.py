@@ -21,7 +21,7 @@ LINES = {
     # part: (folders or files, lines of code at most)
     "core": (("pdvol", "forms", "meshes"), 33_460),
     "studio": (("pdvol/studio",), 12_250),
-    "tests": (("tests",), 36_230),
+    "tests": (("tests",), 36_240),
     "benchmarks": (("benchmarks",), 4_835),
     "demos": (("demos",), 3_850),
 }
