@@ -13,7 +13,7 @@ import pytest
 from benchmarks.common.commits import MissingObject, Repository
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST_BYTES = {"a file": 500_000, "the tree": 18_890_000}
+MOST_BYTES = {"a file": 500_000, "the tree": 18_950_000}
 LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 """Files that may be larger: a library that players and live pages carry whole."""
 CODE = (".py", ".c", ".h", ".js")
