@@ -117,7 +117,9 @@ def test_the_bunny_is_thrown_twice_kept_and_refined(tab, live):
     tab.until("window.live && live.shown")
     tab.page.evaluate("live.choose(0)")
     play(tab)
-    drag(tab, "bunny", (0, -110, 12), (220, -10, 24))  # over the wall before it is let go, however slow the machine is
+    drag(
+        tab, "bunny", (0, -150, 15), (0, 0, 10), (220, 0, 24)
+    )  # over the wall before it is let go, on slow machines too
     wait_steps(tab, 40)
     drag(tab, "paddle", (-90, 0, 10))
     wait_steps(tab, 10)
