@@ -5,6 +5,7 @@ from weakref import WeakKeyDictionary
 import ipctk
 import numpy as np
 from mpi4py import MPI
+from scipy.spatial.transform import Rotation
 
 import barrier_law
 from pdvol.geometry.level_mesh import facet_sizes
@@ -255,3 +256,16 @@ def check_slide(space, candidates, start, end, tolerance=1e-6, parts=200, sectio
         pending += [(a, m, one, middle), (m, b, middle, other)]
     assert unexplained <= tolerance * largest
     return np.array([energy for energy, _ in found])
+
+
+def turned(points, bodies, angles):
+    """Each body turned about its centre by its angle [rad], about an arbitrary axis in 3D."""
+    d = points.shape[1]
+    axes = np.random.default_rng(3).standard_normal((len(angles), 3))
+    axes = np.array([[0.0, 0.0, 1.0]] * len(angles)) if d == 2 else axes / np.linalg.norm(axes, axis=1)[:, None]
+    out = points.copy()
+    for body, turn in enumerate(Rotation.from_rotvec(axes * angles[:, None]).as_matrix()[:, :d, :d]):
+        own = bodies == body
+        centre = points[own].mean(axis=0)
+        out[own] = centre + (points[own] - centre) @ turn.T
+    return out

@@ -7,9 +7,8 @@ from weakref import WeakKeyDictionary
 import ipctk
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from contact_reference import DHAT, KAPPA, all_pairs, between_edges, mesh_of, surface_of, to_facets, two_boxes
+from contact_reference import DHAT, KAPPA, all_pairs, between_edges, mesh_of, surface_of, to_facets, turned, two_boxes
 from pdvol.levels.script import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
@@ -99,19 +98,6 @@ def check_complete(candidates, vertices):
     return int((far < DHAT).sum() + (apart < DHAT).sum())
 
 
-def turned(points, bodies, angles):
-    """Each body turned about its centre by its angle [rad], about an arbitrary axis in 3D."""
-    d = points.shape[1]
-    axes = np.random.default_rng(3).standard_normal((len(angles), 3))
-    axes = np.array([[0.0, 0.0, 1.0]] * len(angles)) if d == 2 else axes / np.linalg.norm(axes, axis=1)[:, None]
-    out = points.copy()
-    for body, turn in enumerate(Rotation.from_rotvec(axes * angles[:, None]).as_matrix()[:, :d, :d]):
-        own = bodies == body
-        centre = points[own].mean(axis=0)
-        out[own] = centre + (points[own] - centre) @ turn.T
-    return out
-
-
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("obstacle", [None, "moving"])
 @pytest.mark.parametrize("size", [1e-4, 3e-3, 0.05, 0.5])
@@ -176,7 +162,8 @@ def test_one_search_serves_small_and_common_moves(d):
     for one, other in pairwise(places):
         within.along(one, other)
     assert within.searches == 1
-    for end in (0.3 * start, turned(start, objects, np.full(within.primitives.bodies, 3.1)), np.nan * start):
+    lost = np.where(objects[:, None] == 0, np.nan, start)
+    for end in (0.3 * start, turned(start, objects, np.full(within.primitives.bodies, 3.1)), lost):
         before = within.searches
         within.along(start, end)
         assert within.searches > before

@@ -30,7 +30,7 @@ INLINE void deviations(int d, int64_t objects, const int64_t *firsts, const doub
 }
 
 /* The least that is left of the `room` (objects, objects) by which parts of two objects, or of one, may come nearer to each other since `start`, or a
- * place on the way from there by `move`. Negative where memory ran out. */
+ * place on the way from there by `move`. Negative where memory ran out, or a vertex is not a number. */
 double spare_room(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, const double *room)
 {
     double *drift = calloc(4 * objects + 1, sizeof(double)), *sizes = drift + 3 * objects, spare = drift ? INFINITY : -1.0;
@@ -44,7 +44,7 @@ double spare_room(int d, int64_t objects, const int64_t *firsts, const double *s
             for (int j = 0; j < 3; ++j)
                 size += (drift[3 * one + j] - drift[3 * other + j]) * (drift[3 * one + j] - drift[3 * other + j]);
             const double left = room[objects * one + other] - (sqrt(size) + sizes[one] + sizes[other]);
-            spare = !(spare <= left) ? left : spare;
+            spare = fmin(spare, isnan(left) ? -INFINITY : left);
         }
     free(drift);
     return spare;
