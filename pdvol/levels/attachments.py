@@ -186,7 +186,7 @@ class Pulls:
         self._bound: dict[tuple, BoundPull] = {}
 
     def acting(self, t0: float, t1: float) -> dict[Any, Pull]:
-        """Those that act in a step or a part of one, from t0 to t1 [s], by what tells them apart."""
+        """Those that act in a step or a part of one, from t0 to t1 [s], by what distinguishes them."""
         dt = self._scene.dt
         found: dict[Any, Pull] = {i: pull for i, pull in enumerate(self._scene.pulls) if pull.acts(t0, t1)}
         if self.hand is not None:

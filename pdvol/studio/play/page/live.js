@@ -103,9 +103,9 @@ class Live {
     $("hint").textContent = !playing ? "" : mine || free ? "press on a body and drag it; Shift or the wheel for depth" : "another page has the hand";
     for (const row of this.rows) if (!row.contains(document.activeElement)) row.show(values[row.name]);
     if (run) for (const input of [$("scrubber"), $("step")]) input.max = playing ? states[0] - 1 : this.status.steps;
-    const told = JSON.stringify([takes, run]);
-    if (told !== this.told) $("takes").replaceChildren(...takes.map((take) => this.take(take)));
-    this.told = told;
+    const listed = JSON.stringify([takes, run]);
+    if (listed !== this.listed) $("takes").replaceChildren(...takes.map((take) => this.take(take)));
+    this.listed = listed;
     $("taken").hidden = !takes.length;
   }
   take({ number, name, words }) {
