@@ -163,7 +163,7 @@ def test_one_search_serves_small_and_common_moves(d):
         within.along(one, other)
     assert within.searches == 1
     lost = np.where(objects[:, None] == 0, np.nan, start)
-    for end in (0.3 * start, turned(start, objects, np.full(within.primitives.bodies, 3.1)), lost):
+    for end in (lost, 0.3 * start, turned(start, objects, np.full(within.primitives.bodies, 3.1))):
         before = within.searches
         within.along(start, end)
         assert within.searches > before
