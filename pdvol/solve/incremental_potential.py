@@ -36,7 +36,8 @@ class IncrementalPotential:
         self.contacts, self.frictions = terms.contacts, terms.frictions
         self.terms = terms.potentials
         self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
-        self._gradients: list[np.ndarray] = []  # of inertia and terms, where the gradient was found last [kg m]
+        self._gradient: np.ndarray = np.zeros(0)  # where it was found last [kg m]
+        self._gradients: list[np.ndarray] = []  # those of inertia and terms there
 
     @property
     def terms(self) -> tuple[Potential, ...]:
@@ -109,7 +110,8 @@ class IncrementalPotential:
             for name, rows in zip(names, found, strict=True):
                 self._require_finite(name, "gradient", rows)
             raise SimulationError("the gradient is too large for double precision")
-        return total
+        self._gradient = total
+        return total.copy()
 
     def imbalance(self, bodies: csr_array, least: float) -> float:
         """What is left of the gradient over the largest part that one kind of term has in it: of all vertices of a
@@ -120,14 +122,14 @@ class IncrementalPotential:
         kinds: dict[str, np.ndarray] = {}
         for name, part in zip(("inertia", *(term.name for term in self.terms)), self._gradients, strict=True):
             kinds[name] = kinds[name] + part if name in kinds else part
-        parts = (sum(self._gradients), *kinds.values(), least / np.sqrt(self.space.dim) * self.mass)
+        parts = (self._gradient, *kinds.values(), least / np.sqrt(self.space.dim) * self.mass)
         filled = np.diff(bodies.indptr) > 0
         most = np.zeros((len(parts), len(filled)))  # squares
         for row, part in zip(most, parts, strict=True):
-            squares = np.einsum("nd,nd->n", part, part)[bodies.indices]
-            row[filled] = np.maximum.reduceat(squares, bodies.indptr[:-1][filled])
-        sums = self.space.reduce((bodies @ np.hstack(parts)).reshape(len(filled), len(parts), -1))
-        sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("bkd,bkd->kb", sums, sums)])
+            squares = part**2 @ np.ones(self.space.dim)
+            row[filled] = np.maximum.reduceat(squares[bodies.indices], bodies.indptr[:-1][filled])
+        sums = self.space.reduce(np.array([bodies @ part for part in parts]))
+        sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("kbd,kbd->kb", sums, sums)])
         return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), TINY)))
 
     def rows_of_bodies(self, chosen: np.ndarray | None = None) -> csr_array:
