@@ -5,7 +5,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from pdvol.studio.wedge.worker import Worker, WorkerEnded
+from pdvol.processes import ProcessEnded
+from pdvol.studio.wedge.worker import Worker
 
 POOL_SIZE = 3  # processes: one runs level 0, one refines, one is spare
 PATIENCE_OF_ABANDONED = 1.0  # seconds that a command line has to end after its interruption; its process is then ended
@@ -34,7 +35,7 @@ class Pool:
             try:
                 worker.start(words, log)
                 break
-            except WorkerEnded:  # after it was found alive: a large one ends once it has answered
+            except ProcessEnded:  # after it was found alive: a large one ends once it has answered
                 worker.stop()
         else:
             worker = Worker()
