@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_settings, loaded_shot, number
+from pdvol.commands.options import add, loaded_shot, number
 from pdvol.errors import InputError
 
 LISTED = 5  # bodies whose thinnest parts are printed for each level: those of the fewest cells
@@ -27,7 +27,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="SECONDS",
         help="simulate level 0 so long to estimate costs (default 3; 0: not)",
     )
-    add_settings(parser)
+    add(parser, "--set")
 
 
 def main(options: Namespace) -> int:

@@ -3,14 +3,14 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_settings, loaded_shot
+from pdvol.commands.options import add, loaded_shot
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol info`."""
     parser.add_argument("what", type=Path, metavar="SCENE.py | RUN")
     parser.add_argument("--pictures", type=Path, metavar="DIR", help="draw a run's bindings there")
-    add_settings(parser)
+    add(parser, "--set")
 
 
 def main(options: Namespace) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_levels, add_trust, stored_levels
+from pdvol.commands.options import add, level_range, stored_levels
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol play`."""
     parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folders, or one folder of pdvol wedge")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE.html", help="default: player.html in the first folder")
-    add_levels(parser)
+    add(parser, "--levels")
     parser.add_argument(
         "--fields",
         default="",
@@ -34,7 +34,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--no-render-meshes", action="store_true", help="leave render meshes out: a smaller file, with more states"
     )
-    add_trust(parser)
+    add(parser, "--trust")
 
 
 def main(options: Namespace) -> None:
@@ -86,8 +86,6 @@ def chosen_panes(options: Namespace) -> tuple[list["Pane"], int | None, str]:
 
 def wedge_levels(text: str) -> list[int] | None:
     """The levels of each variation that `--levels` names; None without the option."""
-    from pdvol.commands.options import level_range
-
     if not text:
         return None
     first, last = level_range(text)

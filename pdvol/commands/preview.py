@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from functools import partial
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_ranks, chosen_shot, require_use
+from pdvol.commands.options import OUTPUTS, add, add_new_run, chosen_shot, require_use
 from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
@@ -17,8 +17,7 @@ LOOK = 0.03  # s between two looks at the files of a scene that is watched: less
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol preview`."""
     add_new_run(parser, PREVIEW)
-    add_outputs(parser)
-    add_ranks(parser)
+    add(parser, *OUTPUTS, "--ranks")
     parser.add_argument("--watch", action="store_true", help="preview again whenever the scene file is saved")
 
 
@@ -67,7 +66,7 @@ def _preview(options: Namespace) -> None:
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
     outputs = Outputs(options, out, shot.scene)
     level_0 = partial(run_scene, shot, out, 0, 0, resume=options.resume)
-    outputs.simulate(level_0, ranks=chosen_ranks(options), replace=not options.resume)
+    outputs.simulate(level_0, replace=not options.resume)
     outputs.report()
 
 

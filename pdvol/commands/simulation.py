@@ -51,14 +51,14 @@ class Outputs:
         beside = not self._begun and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
         self._worker = _painter() if beside else None
 
-    def simulate(self, run: Callable, *arguments: Any, ranks: int | None, replace: bool = False) -> None:
+    def simulate(self, run: Callable, *arguments: Any, replace: bool = False) -> None:
         """Calls `run_scene` or `refine_run` with the command's options. Where a finer level has no mesh, `report`
         raises its error. Collective.
         """
         from pdvol.runs.runner import Execution
 
         wavefront, xdmf = getattr(self.options, "wavefront", False), not self.options.no_xdmf
-        how = Execution(progress_report(), wavefront, ranks, xdmf, replace, self._draw)
+        how = Execution(progress_report(), wavefront, self.options.ranks, xdmf, replace, self._draw)
         try:
             run(*arguments, how=how)
         except LevelError as error:

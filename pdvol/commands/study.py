@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_jobs, add_levels, add_shot, chosen_jobs, chosen_shot, level_range, number
+from pdvol.commands.options import SHOT, add, chosen_jobs, chosen_shot, level_range, number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol study`."""
-    add_shot(parser)
+    add(parser, *SHOT)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the study")
     parser.add_argument(
         "--vary",
@@ -32,9 +32,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"
     )
     parser.add_argument("--budget", type=number, default=BUDGET, metavar="MINUTES", help=f"default: {BUDGET:g}")
-    add_jobs(parser)
+    add(parser, "--jobs")
     parser.add_argument("--method", default="", choices=("progressive", "direct"), help="of the scene's own settings")
-    add_levels(parser)
+    add(parser, "--levels")
 
 
 def main(options: Namespace) -> None:
