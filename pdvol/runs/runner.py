@@ -139,24 +139,20 @@ def run_scene(
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
             wanted = lambda level: ranks if level or scene.played is None else 1
             ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, wanted(level))
-            if wavefront:
-                if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, how.progress):
-                    marched = range(0)
-                else:
-                    ranks = 1
             hierarchy = None
-            for level in marched:
-                count = 1 if alone else ranks_of(level)
-                if count > 1:
-                    if _in_processes(writer, {level: count}, ranks, how.progress):
+            for together in [marched] if wavefront else [[level] for level in marched]:
+                counts = {level: 1 if alone else ranks_of(level) for level in together}
+                if wavefront or max(counts.values()) > 1:
+                    if _in_processes(writer, counts, ranks, how.progress):
                         continue
                     ranks = 1
                 if hierarchy is None:
                     with stage("numbering the levels"):
                         hierarchy = Hierarchy(levels.meshes, comm, prolongation)
-                with stage(f"evaluating the scene on level {level}"):
-                    model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
-                run_level(model, hierarchy, method, writer, how.progress)
+                for level in together:
+                    with stage(f"evaluating the scene on level {level}"):
+                        model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
+                    run_level(model, hierarchy, method, writer, how.progress)
         finally:
             if scene.played is not None:
                 _end_take(writer, scene.played)
