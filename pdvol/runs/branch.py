@@ -133,7 +133,7 @@ def _check_states(run: Run, shot: Shot, step: int, last: int, source: Path) -> N
         _check_supports(run, level, shot, step, obstacles, ground)
         if scene.contact:
             script = Script((), obstacles, ground)
-            places = script.placed(step * scene.dt, script.recorded_lags(level.behind(step), level.late(step)))
+            places = script.placed(step * scene.dt, script.recorded_lags(*level.lateness(step)))
             names = [body.name for body in scene.bodies]
             count = count_intersections(mesh, level.positions(step), obstacles, names, places)
             if count:
@@ -173,7 +173,7 @@ def _check_supports(
     script = Script(held, obstacles, ground)
     for number in range(1, step + 1):
         time = number * scene.dt
-        placed = script.at(time, script.recorded_lags(level.behind(number), level.late(number)))
+        placed = script.at(time, script.recorded_lags(*level.lateness(number)))
         positions = level.positions(number)
         for i, points in enumerate(held):
             if before[i] != now[i] and points.holds(time - scene.dt, scene.dt):
