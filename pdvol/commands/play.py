@@ -9,8 +9,6 @@ from pdvol.commands.options import add, level_range, stored_levels
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
-    from pdvol.store.series import Fields
-    from pdvol.studio.play.fields import PointField
     from pdvol.studio.play.panes import Pane
 
 
@@ -105,12 +103,8 @@ def with_contact_force(panes: list["Pane"], notes: list[str]) -> list["Pane"]:
         if pane.run is not None:
             of_step = by_run[id(pane.run)](pane.level)
             if "contact_force" in of_step(0).points:
-                fields = {**pane.fields, "contact_force": per_area(pane.stored, _contact_force(of_step))}
-                pane = replace(pane, fields=fields)
+                force = lambda step, of_step=of_step: of_step(step).points["contact_force"]
+                pane = replace(pane, fields={**pane.fields, "contact_force": per_area(pane.stored, force)})
         found.append(pane)
     notes += dict.fromkeys(note for its in by_run.values() for note in its.notes)
     return found
-
-
-def _contact_force(of_step: "Fields") -> "PointField":
-    return lambda step: of_step(step).points["contact_force"]

@@ -30,7 +30,10 @@ def main(options: Namespace) -> None:
         return
     if options.resume:
         raise InputError("--watch previews anew at each save; leave out --resume")
-    _refuse_ranks()
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError("--watch works on one rank; leave out mpirun")
     try:
         while True:
             before = _sources(options.scene)
@@ -68,13 +71,6 @@ def _preview(options: Namespace) -> None:
     level_0 = partial(run_scene, shot, out, 0, 0, resume=options.resume)
     outputs.simulate(level_0, replace=not options.resume)
     outputs.report()
-
-
-def _refuse_ranks() -> None:
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.size > 1:
-        raise InputError("--watch works on one rank; leave out mpirun")
 
 
 def _sources(scene: Path) -> dict[Path, int]:

@@ -18,7 +18,7 @@ from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle, Script
-from pdvol.runs.scene_file import Shot, both_described, kept_value, with_hand
+from pdvol.runs.scene_file import Shot, both_described, with_hand
 from pdvol.runs.separation import build_apart
 from pdvol.scene import Hand
 from pdvol.scene.fingerprint import differences
@@ -90,15 +90,8 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
             Hand(out / RECORD).keep(step)
         if before != now:
             _forget(out, step)
-        info |= {
-            "parameters": kept_value(shot.parameters),
-            "description": shot.description(),
-            "scene_file": "" if shot.file is None else str(shot.file),
-            "steps": shot.scene.steps,
-            "branched": {"run": str(source.resolve()), "step": step, "parameters": run.info["parameters"]}
-            | {"whole": whole},
-        }
-        write_json(out / "run.json", info)
+        begun = {"run": str(source.resolve()), "step": step, "parameters": run.info["parameters"], "whole": whole}
+        write_json(out / "run.json", info | {**shot.kept(), "steps": shot.scene.steps, "branched": begun})
 
 
 def _check_same(run: Run, shot: Shot, step: int) -> None:

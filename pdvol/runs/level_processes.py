@@ -12,8 +12,8 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext, suppress
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, TextIO, cast
@@ -53,7 +53,7 @@ class Follower(SharedWriter):
     def __init__(self, run: Run, keeper: Connection | None, comm: MPI.Comm):
         self._run, self._keeper, self.comm, self._parent = run, keeper, comm, os.getppid()
 
-    def _send(self, *message: Any) -> None:
+    def send(self, *message: Any) -> None:
         if self._keeper is not None:
             self._keeper.send(message)
 
@@ -61,7 +61,7 @@ class Follower(SharedWriter):
         """The number of stored states, or a request to the keeper."""
         if name == "steps":
             return on_root(self.comm, lambda: self._run.levels[arguments[0]].steps)
-        return self._send("call", name, arguments, details)
+        return self.send("call", name, arguments, details)
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
         """`positions` or `velocities` of a stored state; it waits for one that is not stored yet, as long as the keeper
@@ -80,18 +80,18 @@ class Follower(SharedWriter):
 
     def watch(self, level: int, total: int, done: int) -> Progress:
         """Has the keeper show the level's progress, by the states that it stores."""
-        self._send("watch", total, done)
-        return Calls(lasts=lambda record: self._send("lasts", record))
+        self.send("watch", total, done)
+        return Calls(lasts=lambda record: self.send("lasts", record))
 
 
 class _Sent(io.TextIOBase):
     """What a level's processes write for the user, sent to the keeper, whose standard error may be a terminal."""
 
-    def __init__(self, keeper: Connection, terminal: bool):
-        self._keeper, self._terminal = keeper, terminal
+    def __init__(self, send: Callable[..., None], terminal: bool):
+        self._send, self._terminal = send, terminal
 
     def write(self, text: str) -> int:
-        self._keeper.send(("say", text))
+        self._send("say", text)
         return len(text)
 
     def isatty(self) -> bool:
@@ -272,10 +272,8 @@ def _work(path: str, level: int, ranks: int, fifo: str, lines: str) -> None:
 def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, lines: str) -> None:
     info = run.info
     writer = Follower(run, keeper, comm)
-    shows: AbstractContextManager[None] = nullcontext()
-    if keeper is not None and lines != "none":
-        shows = reported_to(StageLines(cast(TextIO, _Sent(keeper, lines == "terminal"))))
-    with shows:
+    shown = keeper is not None and lines != "none"
+    with reported_to(StageLines(cast(TextIO, _Sent(writer.send, lines == "terminal")))) if shown else nullcontext():
         shot = stored_shot(info, trusted=True)  # the keeper has just run it
         meshes = [stored.mesh for stored in run.levels[: level + 1]]
         places = on_root(comm, lambda: _places(run, level, shot.scene.steps)) if level and comm.size > 1 else None

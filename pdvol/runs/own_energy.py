@@ -27,7 +27,7 @@ from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.runs.own_parts import GivenEnergy, held_points, longest_part, owned_rows
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
-from pdvol.scene.checks import finite, positive
+from pdvol.scene.checks import finite, instance, optional, positive
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import Stopwatch
@@ -89,19 +89,22 @@ class Contact:
         diagonal: float | None = None,
     ):
         barrier = Barrier() if barrier is None else barrier
-        self._check_kinds(barrier, friction, obstacles)
+        instance(Barrier)("Contact.barrier", barrier)
+        optional(instance(Friction))("Contact.friction", friction)
+        for obstacle in obstacles:
+            if not isinstance(obstacle, Plane | Rigid | Deforming):
+                raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
         if young is not None:
             positive("Contact.young", young)
         elif not isinstance(barrier.stiffness, Pascal):
             raise InputError("Contact needs young [Pa], or its stiffness in pascal: Barrier(stiffness=Pascal(1e4))")
         self.V, self._space = V, LevelSpace.of(V)
         mesh = self._space.mesh
+        count = int(mesh.bodies.max()) + 1
         if diagonal is None:
             of = mesh.point_bodies[mesh.boundary[:, 0]]
-            parts = (mesh.boundary[of == part] for part in range(int(mesh.bodies.max()) + 1))
-            diagonal = min(gyration_diagonal(mesh.points, facets) for facets in parts)
+            diagonal = min(gyration_diagonal(mesh.points, mesh.boundary[of == part]) for part in range(count))
         positive("Contact.diagonal", diagonal)
-        count = int(mesh.bodies.max()) + 1
         self.bodies = ("body",) if count == 1 else tuple(f"body {number}" for number in range(1, count + 1))
         self._rest = self._space.from_input(mesh.points)
         self._at: Positions | None = None
@@ -112,16 +115,6 @@ class Contact:
         geometry = on_root(V.mesh.comm, lambda: read_geometry(obstacles))
         contact = (barrier,) if friction is None else (barrier, friction)
         self._make_terms(contact, placed_obstacles(obstacles, geometry), diagonal, float(young or 0.0))
-
-    @staticmethod
-    def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Obstructing]) -> None:
-        if not isinstance(barrier, Barrier):
-            raise InputError(f"Contact.barrier must be a Barrier, not {type(barrier).__name__}")
-        if not (friction is None or isinstance(friction, Friction)):
-            raise InputError(f"Contact.friction must be a Friction, not {type(friction).__name__}")
-        for obstacle in obstacles:
-            if not isinstance(obstacle, Plane | Rigid | Deforming):
-                raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
 
     def _make_terms(
         self, contact: Sequence[Barrier | Friction], obstacles: tuple[Obstacle, ...], diagonal: float, young: float
@@ -299,8 +292,7 @@ class Contact:
 
     def count(self, u: Displacement) -> int:
         """How many pairs are nearer than dhat."""
-        x = self._started(u)
-        return self._barrier.count(x)
+        return self._barrier.count(self._started(u))
 
     def intersections(self, u: Displacement) -> int:
         """How many edges cross edges (2D) or triangles (3D), and how many vertices lie behind planes.

@@ -29,7 +29,7 @@ from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.preparation import Prepared, prepared_levels
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
-from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot, with_hand
+from pdvol.runs.scene_file import Shot, both_described, stored_file, stored_shot, with_hand
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
 from pdvol.scene import Hand, Scene
@@ -39,7 +39,9 @@ from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable, require_place
 from pdvol.store.folder import RECORD, holds_run, in_use, read_info, require_free, require_scene
+from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import Run, open_run
+from pdvol.store.render_meshes import write_render_meshes
 from pdvol.store.writer import RunWriter
 
 LIBRARIES: tuple[str, ...] = ("pdvol", "fenics-dolfinx", "dolfinx-solver-real", "petsc4py", "ipctk", "numpy", "scipy")
@@ -164,7 +166,8 @@ def run_scene(
 
 def refine_run(out: str | Path, last: int, how: Execution = USUAL) -> Path:
     """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser ones are kept. Collective."""
-    info = on_root(how.comm, lambda: _scene_info(out))
+    info = on_root(how.comm, lambda: open_run(out).info)
+    require_scene(Path(out), info)
     try:
         file = stored_file(info)
     except InputError as error:
@@ -207,12 +210,6 @@ def _ranks_of(level: int, mesh: LevelMesh, steps: int, writer: SharedWriter, wan
     if done > steps:
         return 1
     return chosen_ranks(len(mesh.points), wanted, int(writer.record(level, done - 1).get("ranks", 0)))
-
-
-def _scene_info(out: str | Path) -> dict:
-    info = open_run(out).info
-    require_scene(Path(out), info)
-    return info
 
 
 def check_choices(scene: Scene, first: int, last: int, method: str, prolongation: str) -> None:
@@ -317,19 +314,16 @@ def _open_writer(
         writer.keep_levels(kept)
         for level in range(len(writer.info["levels"]), len(meshes)):
             writer.add_level(meshes[level], velocities[level])
-        description = shot.description()
-        changed: dict[str, Any] = {}
-        if shot.file is not None or writer.info["description"] != jsonable(description):
-            # the same scene from memory keeps the stored path and its settings, by which it can be made again
-            changed = {"parameters": kept_value(shot.parameters), "scene_file": _file(shot)}
+        # The same scene from memory keeps the stored path and its settings, by which it can be made again.
+        same = shot.file is None and writer.info["description"] == jsonable(shot.description())
+        changed: dict[str, Any] = {} if same else shot.kept()
         solvers = [*writer.info.get("solvers", []), _solver(scene, writer)]
         if len(solvers) == 1 or solvers[-2]["settings"] != solvers[-1]["settings"]:
             changed["solvers"] = solvers
-        writer.update_info(steps=scene.steps, description=description, **changed)
+        writer.update_info(steps=scene.steps, **changed)
     else:
         info = {"scene": shot.name, "dt": scene.dt, "steps": scene.steps, "method": method}
-        info |= {"prolongation": prolongation, "scene_file": _file(shot), "parameters": kept_value(shot.parameters)}
-        info |= {"description": shot.description(), "diagonal": levels.diagonal}
+        info |= {"prolongation": prolongation, **shot.kept(), "diagonal": levels.diagonal}
         info |= {"versions": {"python": platform.python_version(), **installed(LIBRARIES)}}
         info |= {key: value for key, value in (("up", way_up(scene, meshes[0].dim)), ("mended", mended)) if value}
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities, replace)
@@ -340,8 +334,8 @@ def _open_writer(
             scene.hand.keep(max(0, writer.steps(0) - 1))
         elif scene.hand.file.resolve() != (out / RECORD).resolve():
             shutil.copyfile(scene.hand.file, out / RECORD)
-    writer.write_obstacles(drawn)
-    writer.write_render_meshes(rendered)
+    write_obstacles(out, drawn)
+    write_render_meshes(out, rendered)
     return writer
 
 
@@ -349,8 +343,3 @@ def _solver(scene: Scene, writer: RunWriter) -> dict:
     """The solver's settings with the steps from which on they hold, one for each level, as JSON."""
     begin = [max(writer.steps(level), 1) for level in range(len(writer.info["levels"]))]
     return jsonable({"from": begin, "settings": describe(scene.solver)})
-
-
-def _file(shot: Shot) -> str:
-    """The scene file's path, empty for a scene made in memory."""
-    return "" if shot.file is None else str(shot.file)

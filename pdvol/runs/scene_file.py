@@ -64,6 +64,11 @@ class Shot:
         left_out = ("steps", "solver", "name", *(key for key, value in DEFAULTS.items() if found.get(key) == value))
         return {key: value for key, value in {**found, "bodies": bodies}.items() if key not in left_out}
 
+    def kept(self) -> dict:
+        """Its entries in `run.json`; the scene file's path is empty for a scene made in memory."""
+        file, parameters = "" if self.file is None else str(self.file), kept_value(self.parameters)
+        return {"scene_file": file, "parameters": parameters, "description": self.description()}
+
 
 def parse_settings(words: Sequence[str]) -> dict:
     """`["mu=0.3", "surface=cow.obj"]` as a dictionary of values."""

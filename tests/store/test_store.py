@@ -10,6 +10,7 @@ import pdvol.cli
 import runs
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.copying import copy_run
+from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run
 from pdvol.store.states import HEADER, MAGIC
 from pdvol.store.writer import RunWriter
@@ -41,11 +42,11 @@ def test_initial_velocity_and_obstacles(tmp_path):
     sphere = runs.sphere_obstacle((0, 0, 0), steps=5)
     with RunWriter.create(tmp_path / "run", INFO, meshes, ["a", "b"], [v]) as writer:
         writer.write_state(0, 0, meshes[0].points)
-        writer.write_obstacles([*runs.OBSTACLES[3], sphere])
+        write_obstacles(writer.path, [*runs.OBSTACLES[3], sphere])
         with pytest.raises(InputError, match="needs the arrays"):
-            writer.write_obstacles([{"name": "x", "kind": "mesh", "vertices": np.zeros((3, 3))}])
+            write_obstacles(writer.path, [{"name": "x", "kind": "mesh", "vertices": np.zeros((3, 3))}])
         with pytest.raises(InputError, match="must be one of plane, mesh, polyline"):
-            writer.write_obstacles([{"name": "x", "kind": "cone"}])
+            write_obstacles(writer.path, [{"name": "x", "kind": "cone"}])
     run = open_run(tmp_path / "run")
     np.testing.assert_array_equal(run.levels[0].velocities(0), v)
     plane, ball = run.obstacles
@@ -79,11 +80,10 @@ def test_states_follow_on_each_other(small_run):
             writer.write_state(0, 7, x * np.nan)
         with pytest.raises(ValueError, match="finite and of shape"):
             writer.write_state(0, 7, x[:-1])
-        writer.rewind(0, 3)
-        writer.write_state(0, 3, x, {"contacts": 1})
+        writer.write_state(0, 7, x, {"contacts": 1})
     run = open_run(small_run)
-    assert [level.steps for level in run.levels] == [4, 7]
-    assert [record["step"] for record in run.levels[0].log] == [1, 2, 3] and len(run.levels[1].log) == 6
+    assert [level.steps for level in run.levels] == [8, 7]
+    assert [record["step"] for record in run.levels[0].log] == [*range(1, 8)] and len(run.levels[1].log) == 6
 
 
 def test_a_level_is_added_to_a_stored_run(small_run):
@@ -134,7 +134,7 @@ def test_a_file_that_holds_no_states_is_not_written_over(small_run, content):
 
 
 def test_a_flipped_bit_is_found(small_run, tmp_path, capsys):
-    """By all readers, and by a copy; states after a rewind are new ones."""
+    """By all readers, and by a copy; states after it are new ones."""
     copy_run(small_run, tmp_path / "copy")
     for path in (small_run, tmp_path / "copy"):
         runs.flip_bit(path / "levels" / "1", 3)
@@ -147,7 +147,6 @@ def test_a_flipped_bit_is_found(small_run, tmp_path, capsys):
         copy_run(small_run, tmp_path / "another")
     with RunWriter.open(small_run) as writer:
         x = open_run(small_run).levels[1].positions(2)
-        writer.rewind(1, 3)
         writer.write_state(1, 3, x)
     np.testing.assert_array_equal(open_run(small_run).levels[1].positions(3), x)
 
@@ -187,8 +186,7 @@ def test_the_log_is_repaired(small_run):
     assert len(open_run(small_run).levels[0].log) == 7
     with RunWriter.open(small_run) as writer:
         assert log.read_bytes() == whole
-        writer.append_log({"level": 0, "step": 7})
-        writer.write_state(0, 7, open_run(small_run).levels[0].positions(6))
+        writer.write_state(0, 7, open_run(small_run).levels[0].positions(6), {})
     assert log.read_bytes() == whole + extra
     log.write_bytes(whole.replace(b'"level": 0, "step": 2', b'"level": 0; "step": 2'))
     with pytest.raises(
