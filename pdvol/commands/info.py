@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add, loaded_shot
+from pdvol.commands.options import add, chosen_shot
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -16,7 +16,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Print the lines of one scene or run."""
     if options.what.suffix in (".py", ".json"):
-        shot = loaded_shot(options.what, options.set)
+        shot = chosen_shot(options, options.what)
         from pdvol.runs.scene_summary import scene_summary
 
         print("\n".join(scene_summary(shot)))

@@ -124,17 +124,6 @@ def number(text: str) -> float:
     return value
 
 
-def chosen_shot(options: Namespace) -> "Shot":
-    """The scene of `options.scene` with its `--set` and, where the verb has it, `--steps`.
-
-    Raises
-    ------
-    InputError
-        The scene file or a setting is wrong.
-    """
-    return loaded_shot(options.scene, options.set, getattr(options, "steps", None), getattr(options, "hand", None))
-
-
 def require_use(shot: "Shot", method: str) -> None:
     """InputError where `--set` gives a weight of the penalty that this method does not use."""
     from pdvol.scene.solver import WEIGHTS
@@ -144,16 +133,25 @@ def require_use(shot: "Shot", method: str) -> None:
             raise InputError(f"--set {name}: only the method {user} uses it, not {method}; leave it out")
 
 
-def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None, hand: Path | None = None) -> "Shot":
-    """The scene of a file with the settings of `--set`, loaded as a stage. Raises as `chosen_shot`."""
+def chosen_shot(options: Namespace, file: Path | None = None) -> "Shot":
+    """The scene of a file, `options.scene` when None, with `--set` and, where the verb has them, `--steps` and
+    `--hand`. Loaded as a stage.
+
+    Raises
+    ------
+    InputError
+        The scene file or a setting is wrong.
+    """
     from pdvol.stages import stage
 
+    file = options.scene if file is None else file
+    steps, hand = getattr(options, "steps", None), getattr(options, "hand", None)
     with stage(f"loading {file}"):
         from pdvol.runs.scene_file import load_shot, parse_settings, with_hand
         from pdvol.scene import Hand
         from pdvol.scene.fingerprint import not_compared
 
-        shot = load_shot(file, parse_settings(settings), steps)
+        shot = load_shot(file, parse_settings(options.set), steps)
         if hand is not None:
             if not hand.is_file():
                 raise InputError(f"{hand}, what a hand did, is missing")

@@ -139,8 +139,7 @@ def _check_obstacles(run: Run, obstacles: Sequence[Obstacle], dt: float, step: i
     if [(o.name, o.kind) for o in drawn] != [(o.name, o.kind) for o in obstacles]:
         names = [", ".join(o.name for o in those) or "none" for those in (drawn, obstacles)]
         raise InputError(f"a run cannot go on from step {step} with other obstacles ({names[0]} -> {names[1]})")
-    for before, now in zip(drawn, stored_obstacles(obstacles, dt, step), strict=True):
-        other = DrawnObstacle(before.name, before.kind, {k: v for k, v in now.items() if k not in ("name", "kind")})
+    for before, other in zip(drawn, map(DrawnObstacle.of, stored_obstacles(obstacles, dt, step)), strict=True):
         for key in ("faces", "edges"):
             if not np.array_equal(before.arrays.get(key, ()), other.arrays.get(key, ())):
                 raise InputError(f"a run cannot go on from step {step} with another shape of obstacle {before.name!r}")

@@ -37,7 +37,7 @@ from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.scene.hand import same_up_to
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
-from pdvol.store.files import jsonable, require_place
+from pdvol.store.files import jsonable
 from pdvol.store.folder import RECORD, holds_run, in_use, read_info, require_free, require_scene
 from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import Run, open_run
@@ -226,10 +226,7 @@ def check_choices(scene: Scene, first: int, last: int, method: str, prolongation
 
 def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool, replace: bool) -> None:
     exists = holds_run(out)
-    if exists:
-        require_place(out)
-    else:
-        require_free(out)
+    require_free(out, exists)
     if exists and replace:
         count = len(read_info(out)["levels"])
         if count > 1:
