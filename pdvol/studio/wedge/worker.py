@@ -5,6 +5,8 @@ import gc
 import os
 import signal
 import sys
+import threading
+import time
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +16,7 @@ from pdvol.registry import Entry
 
 LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build")  # libraries that every run imports
 TAIL = 8000  # bytes at the end of a log that are looked at for its last line
+PATIENCE_OF_ABANDONED = 1.0  # seconds that a command line has to end after its interruption; its process is then ended
 INTERRUPTED = 130  # exit code of a command line that was requested to end, as `pdvol.cli` gives it
 
 
@@ -68,20 +71,25 @@ def carry_out(words: Sequence[str], log: str) -> int:
 
 
 class Workers:
-    """Some workers, as many as command lines are carried out at a time. Close them at the end.
+    """Some workers. One thread calls its methods. Close them at the end.
 
-    Attributes
+    Parameters
     ----------
-    count : of command lines at a time
+    count : of command lines at a time, at most
     fresh : whether each command line gets a process of its own: its processor time is then what a user's own run takes
+    ahead : processes that are kept started, so that their libraries are loaded when they are needed
     """
 
-    def __init__(self, count: int, fresh: bool = False):
-        self.count, self.fresh = count, fresh
+    def __init__(self, count: int = sys.maxsize, fresh: bool = False, ahead: int = 0):
+        self.count, self._fresh, self._ahead = count, fresh, ahead
         self._workers: list[Worker] = []
+        self._given_up: dict[Worker, float] = {}
+        self._ending: list[threading.Thread] = []
+        self.look()
 
     def start(self, words: Sequence[str], log: Path) -> Worker:
-        """Carry out `pdvol` with these words; what it prints goes to the file `log`. Ended workers are replaced.
+        """Carry out `pdvol` with these words; what it prints goes to the file `log`. Of the workers that are not busy,
+        the one that was started first is the one most likely loaded. Ended ones are replaced.
 
         Raises
         ------
@@ -90,23 +98,45 @@ class Workers:
         """
         for free in [worker for worker in self._workers if not worker.busy]:
             with contextlib.suppress(ProcessEnded):  # a large one ends once it has answered
-                if not self.fresh:
+                if not self._fresh:
                     free.start(words, log)
                     return free
-            free.stop()
-            self._workers.remove(free)
+            self._end(free)
         if len(self._workers) >= self.count:
             raise RuntimeError("all workers are busy")
-        new = Worker()
-        self._workers.append(new)
-        new.start(words, log)
-        return new
+        self._workers.append(Worker())
+        self._workers[-1].start(words, log)
+        return self._workers[-1]
+
+    def give_up(self, worker: Worker) -> None:
+        """Interrupt a worker's command line where it has not ended."""
+        if worker.busy:
+            worker.interrupt()
+            self._given_up[worker] = time.monotonic() + PATIENCE_OF_ABANDONED
+
+    def look(self) -> None:
+        """Take interrupted workers back, end those that do not follow, and start others in place of ended ones."""
+        for worker, limit in list(self._given_up.items()):
+            ended = worker.poll() is not None
+            if ended or time.monotonic() >= limit:
+                del self._given_up[worker]
+                if not ended:
+                    self._end(worker)
+        self._workers = [worker for worker in self._workers if worker.busy or worker.alive]
+        self._ending = [thread for thread in self._ending if thread.is_alive()]
+        self._workers += [Worker() for _ in range(self._ahead - len(self._workers))]
 
     def close(self) -> None:
         """End all processes."""
-        for worker in self._workers:
-            worker.stop()
-        self._workers.clear()
+        for worker in list(self._workers):
+            self._end(worker)
+        for thread in self._ending:
+            thread.join()
+
+    def _end(self, worker: Worker) -> None:
+        self._workers.remove(worker)
+        self._ending.append(threading.Thread(target=worker.stop, daemon=True))  # its end may take a while
+        self._ending[-1].start()
 
 
 def last_line(log: Path, beginning: str = "") -> str:
