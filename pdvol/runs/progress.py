@@ -19,6 +19,10 @@ LABELS = (
 BAR = ("newton", "contacts")  # what a bar shows of a finished step, for want of space
 
 
+Call = Callable[[Mapping], object]
+"""Of a record of the log."""
+
+
 class Progress:
     """Progress of one level.
 
@@ -84,16 +88,14 @@ class Progress:
 class Calls(Progress):
     """Calls functions with the log's record of each finished step, and with what it is so far of one that lasts."""
 
-    def __init__(self, step: Callable[[Mapping], object] | None = None, lasts: Callable[[Mapping], None] | None = None):
+    def __init__(self, step: Call = lambda record: None, lasts: Call = lambda record: None):
         self._step, self._lasts = step, lasts
 
     def step(self, record: Mapping) -> None:
-        if self._step is not None:
-            self._step(record)
+        self._step(record)
 
     def lasts(self, record: Mapping) -> None:
-        if self._lasts is not None:
-            self._lasts(record)
+        self._lasts(record)
 
     def close(self) -> None:
         """Does nothing."""

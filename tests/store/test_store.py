@@ -10,7 +10,6 @@ import pdvol.cli
 import runs
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.copying import copy_run
-from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run
 from pdvol.store.states import HEADER, MAGIC
 from pdvol.store.writer import RunWriter
@@ -42,11 +41,11 @@ def test_initial_velocity_and_obstacles(tmp_path):
     sphere = runs.sphere_obstacle((0, 0, 0), steps=5)
     with RunWriter.create(tmp_path / "run", INFO, meshes, ["a", "b"], [v]) as writer:
         writer.write_state(0, 0, meshes[0].points)
-        write_obstacles(writer.path, [*runs.OBSTACLES[3], sphere])
+        runs.write_obstacles(writer.path, [*runs.OBSTACLES[3], sphere])
         with pytest.raises(InputError, match="needs the arrays"):
-            write_obstacles(writer.path, [{"name": "x", "kind": "mesh", "vertices": np.zeros((3, 3))}])
+            runs.write_obstacles(writer.path, [{"name": "x", "kind": "mesh", "vertices": np.zeros((3, 3))}])
         with pytest.raises(InputError, match="must be one of plane, mesh, polyline"):
-            write_obstacles(writer.path, [{"name": "x", "kind": "cone"}])
+            runs.write_obstacles(writer.path, [{"name": "x", "kind": "cone"}])
     run = open_run(tmp_path / "run")
     np.testing.assert_array_equal(run.levels[0].velocities(0), v)
     plane, ball = run.obstacles
