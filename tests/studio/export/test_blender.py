@@ -18,13 +18,12 @@ from commands import SAFETY
 from exported import write_usd
 from pdvol.geometry.level_mesh import vertex_strain
 from pdvol.store.reader import open_run
-from pdvol.store.render_meshes import write_render_meshes
 from pdvol.store.series import StepFields
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.frames import even_frames
 from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, linear_colour
-from rendered import entry_of, grown_box
+from rendered import entry_of, grown_box, write_render_meshes
 from shapes import box
 
 BLENDER = os.environ.get("PDVOL_BLENDER_PYTHON", "")

@@ -5,11 +5,10 @@ import pytest
 
 from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run
-from pdvol.store.render_meshes import write_render_meshes
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.render_crossings import deepest_crossing, rest_gaps
-from rendered import entry_of, grown_box
+from rendered import entry_of, grown_box, write_render_meshes
 from shapes import box, together
 
 LARGER = 0.005  # m: how far the render meshes stand out

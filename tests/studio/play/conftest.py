@@ -7,9 +7,8 @@ import pytest
 from PIL import Image
 
 from pdvol.store.obstacles import write_obstacles
-from pdvol.store.render_meshes import write_render_meshes
 from pdvol.store.writer import RunWriter
-from rendered import entry_of, grown_box
+from rendered import entry_of, grown_box, write_render_meshes
 from runs import OBSTACLES
 from shapes import box, together
 
