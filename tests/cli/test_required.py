@@ -111,7 +111,6 @@ def test_each_term_is_there_because_it_is_asked_for():
 WITHOUT_CONTACT = """
 import sys
 import pdvol
-from commands import SAFETY
 from pdvol.cli import run
 from pdvol.runs.scene_file import load_shot
 
@@ -141,7 +140,7 @@ def test_nor_in_a_process_that_carries_out_a_wedge(file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     worker = Worker()
     worker.start(["info", "disc.py"], tmp_path / "log")
-    assert worker.answer(SAFETY) == (True, 0)
+    assert worker.answer(SAFETY) == (True, 2), "the function gives no scene"
     worker.stop()
     loaded = (tmp_path / "loaded").read_text().split()
     assert "pdvol.runs.runner" in loaded and not any("potentials.contact" in name for name in loaded)
