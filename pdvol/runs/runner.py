@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from pdvol.compiled import build_beside
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles, stored_obstacles
@@ -133,21 +132,34 @@ def run_scene(
         raise levels.refused
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, how.replace))
+    alone = comm.size > 1 or shot.file is None
+
+    def ranks_of(level: int) -> int:
+        """For what is left of a level; 1 where nothing is."""
+        done, wanted = writer.call("steps", level), ranks if level or scene.played is None else 1
+        if alone or done > scene.steps:
+            return 1
+        before = int(writer.record(level, done - 1).get("ranks", 0))
+        return chosen_ranks(len(levels.meshes[level].points), wanted, before)
+
     with exported(comm, out, scene, obstacles, how.done) if how.xdmf else nullcontext():
         try:
-            alone = comm.size > 1 or shot.file is None
             if wavefront is None and not alone:
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
-            wanted = lambda level: ranks if level or scene.played is None else 1
-            ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, wanted(level))
             hierarchy = None
             for together in [marched] if wavefront else [[level] for level in marched]:
-                counts = {level: 1 if alone else ranks_of(level) for level in together}
+                counts = {level: ranks_of(level) for level in together}
                 if wavefront or max(counts.values()) > 1:
-                    if _in_processes(writer, counts, ranks, how.progress):
+                    try:
+                        march_levels(writer, counts, how.progress)
                         continue
-                    ranks = 1
+                    except NoRanks as error:
+                        if ranks is not None:  # pdvol's own choice must not end a run that this process can do
+                            raise
+                        ranks = 1
+                        if how.progress is not None:
+                            print(f"note: {error}; it goes on with one", file=sys.stderr)
                 if hierarchy is None:
                     with stage("numbering the levels"):
                         hierarchy = Hierarchy(levels.meshes, comm, prolongation)
@@ -187,29 +199,6 @@ def _end_take(writer: SharedWriter, hand: Hand) -> None:
     writer.call("update_info", steps=done, channel=None)
     if read_info(writer.path)["levels"][0]["state"] == "running":
         writer.call("set_level_state", 0, "done")
-
-
-def _in_processes(writer: SharedWriter, counts: dict[int, int], wanted: int | None, progress: Watch | None) -> bool:
-    """Marches levels with these numbers of ranks in processes of their own. Returns whether these started: a choice of
-    pdvol's own, where no number is `wanted`, must not end a run that this process can do.
-    """
-    try:
-        march_levels(writer, counts, progress)
-    except NoRanks as error:
-        if wanted is not None:
-            raise
-        if progress is not None:
-            print(f"note: {error}; it goes on with one", file=sys.stderr)
-        return False
-    return True
-
-
-def _ranks_of(level: int, mesh: LevelMesh, steps: int, writer: SharedWriter, wanted: int | None) -> int:
-    """The number of ranks for what is left of a level; 1 where nothing is."""
-    done = writer.call("steps", level)
-    if done > steps:
-        return 1
-    return chosen_ranks(len(mesh.points), wanted, int(writer.record(level, done - 1).get("ranks", 0)))
 
 
 def check_choices(scene: Scene, first: int, last: int, method: str, prolongation: str) -> None:
