@@ -19,7 +19,7 @@ from pdvol.geometry.crossings import find_crossings
 from pdvol.integrate.scripted_motion import LEAST_GAIN
 from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import placed_obstacles, read_geometry
-from pdvol.levels.script import Obstacle, Script
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
@@ -114,26 +114,20 @@ class Contact:
         self._matrix: Any = SystemMatrix(self._space, nobody)
         geometry = on_root(V.mesh.comm, lambda: read_geometry(obstacles))
         contact = (barrier,) if friction is None else (barrier, friction)
-        self._make_terms(contact, placed_obstacles(obstacles, geometry), diagonal, float(young or 0.0))
-
-    def _make_terms(
-        self, contact: Sequence[Barrier | Friction], obstacles: tuple[Obstacle, ...], diagonal: float, young: float
-    ) -> None:
-        for obstacle in obstacles:
-            if obstacle.vertices.shape[1] != self._space.dim:
-                dim, given = self._space.dim, obstacle.vertices.shape[1]
-                raise InputError(f"obstacle {obstacle.name!r} is {given}D, the mesh is {dim}D")
-        names = [*self.bodies, *(obstacle.name for obstacle in obstacles)]
-        triples = [triple for part in contact if isinstance(part, Friction) for triple in part.triples]
+        self._obstacles = placed_obstacles(obstacles, geometry)
+        for placed in self._obstacles:
+            if (given := placed.vertices.shape[1]) != self._space.dim:
+                raise InputError(f"obstacle {placed.name!r} is {given}D, the mesh is {self._space.dim}D")
+        names = [*self.bodies, *(placed.name for placed in self._obstacles)]
+        triples = () if friction is None else friction.triples
         unknown = {name for one, other, _ in triples for name in (one, other)} - {*names}
         if unknown:
             raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {names}")
-        models = contact_models(contact, self.bodies, obstacles, diagonal, young)
+        models = contact_models(contact, self.bodies, self._obstacles, diagonal, float(young or 0.0))
         self.dhat, self.kappa = models[0].dhat, models[0].kappa
-        contacts, frictions = contact_terms(models, obstacles, self._space)
+        contacts, frictions = contact_terms(models, self._obstacles, self._space)
         self._barrier = contacts[0]
         self._terms = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions)
-        self._obstacles = obstacles
         self._potential = IncrementalPotential(self._space, self._terms, Stopwatch())
 
     def __repr__(self) -> str:
