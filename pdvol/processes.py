@@ -26,6 +26,10 @@ _LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_", "HYDRA_")
 _START = "import sys; sys.path[:] = sys.argv[5:]; import pdvol.processes as p; p._serve(*sys.argv[1:5])"
 
 
+class Beside(str):
+    """A folder in `sys.path` in which processes find no modules: those beside a scene must be allowed to run."""
+
+
 class ProcessEnded(RuntimeError):
     """A process has ended, as it does when it has become large."""
 
@@ -34,7 +38,8 @@ class Process:
     """A process that calls functions, one after the other. It ends with this process.
 
     It is started anew and not forked: it has no threads, locks and signal handlers of this process. It starts at once,
-    and prints nothing. Ctrl-C is for this process alone.
+    prints nothing, and finds modules where this process does, but for those beside a scene. Ctrl-C is for this process
+    alone.
 
     Parameters
     ----------
@@ -54,7 +59,8 @@ class Process:
         self.busy, self._paused, self._kept, self._kept_until = False, False, kept, time.monotonic() + kept
         self._calls, theirs = Pipe()
         with theirs:
-            words = [str(theirs.fileno()), str(os.getpid()), str(2.0 * kept), ",".join(modules), *sys.path]
+            words = [str(theirs.fileno()), str(os.getpid()), str(2.0 * kept), ",".join(modules)]
+            words += [path for path in sys.path if not isinstance(path, Beside)]
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-c", _START, *words],
                 env=env,

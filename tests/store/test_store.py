@@ -55,10 +55,8 @@ def test_initial_velocity_and_obstacles(tmp_path):
 
 
 def test_numbers_json_does_not_know(tmp_path):
-    info = {
-        **INFO,
-        "parameters": {"n": np.int64(3), "x": np.float32(0.5), "v": np.arange(3), "none": np.inf, "path": tmp_path},
-    }
+    parameters = {"n": np.int64(3), "x": np.float32(0.5), "v": np.arange(3), "none": np.inf, "path": tmp_path}
+    info = {**INFO, "parameters": parameters}
     with RunWriter.create(tmp_path / "run", info, runs.level_meshes(2, (60,)), ["a", "b"]) as writer:
         writer.write_state(0, 0, runs.level_meshes(2, (60,))[0].points, {"min_gap": np.inf, "contacts": np.int32(0)})
     run = open_run(tmp_path / "run")
@@ -75,10 +73,9 @@ def test_states_follow_on_each_other(small_run):
         for step in (0, 6, 9):
             with pytest.raises(ValueError, match="the next state to store is that of step 7"):
                 writer.write_state(0, step, x)
-        with pytest.raises(ValueError, match="finite and of shape"):
-            writer.write_state(0, 7, x * np.nan)
-        with pytest.raises(ValueError, match="finite and of shape"):
-            writer.write_state(0, 7, x[:-1])
+        for wrong in (x * np.nan, x[:-1]):
+            with pytest.raises(ValueError, match="finite and of shape"):
+                writer.write_state(0, 7, wrong)
         writer.write_state(0, 7, x, {"contacts": 1})
     run = open_run(small_run)
     assert [level.steps for level in run.levels] == [8, 7]
