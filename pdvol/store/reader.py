@@ -219,11 +219,7 @@ def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:
 
 
 class Run:
-    """A stored run.
-
-    Parameters
-    ----------
-    path : folder written by `RunWriter`
+    """A stored run, as `open_run` gives it.
 
     Attributes
     ----------
@@ -231,11 +227,6 @@ class Run:
     info : dict
         `run.json`: scene, dt [s], steps, method, parameters, versions, bodies, levels, state.
     levels : sequence of RunLevel
-
-    Raises
-    ------
-    InputError
-        When the folder is no run, was never completed at its creation, or has another format.
     """
 
     def __init__(self, path: str | Path):
