@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_settings, loaded_shot, number
+from pdvol.commands.options import add, chosen_shot, number
 from pdvol.errors import InputError
 
 LISTED = 5  # bodies whose thinnest parts are printed for each level: those of the fewest cells
@@ -27,7 +27,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="SECONDS",
         help="simulate level 0 so long to estimate costs (default 3; 0: not)",
     )
-    add_settings(parser)
+    add(parser, "--set")
 
 
 def main(options: Namespace) -> int:
@@ -45,7 +45,7 @@ def main(options: Namespace) -> int:
         from pdvol.runs.preflight import check_meshes, check_scene
 
     if len(options.files) == 1 and options.files[0].suffix in (".py", ".json"):
-        shot = loaded_shot(options.files[0], options.set)
+        shot = chosen_shot(options, options.files[0])
         result = check_scene(shot.scene, options.measure, options.out)
         lines = _scene_lines(result)
     else:

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, add_trust, number, stored_levels
+from pdvol.commands.options import add, number, stored_levels
 from pdvol.registry import FORMATS, SHOWN_SURFACES
 
 
@@ -24,8 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--no-crossings", action="store_true", help="do not look where render meshes cross, which may take longest"
     )
-    add_levels(parser)
-    add_trust(parser)
+    add(parser, "--levels", "--trust")
 
 
 def main(options: Namespace) -> None:

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_prolongation, whole_number
+from pdvol.commands.options import add, whole_number
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -11,7 +11,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("mesh", type=Path, metavar="MESH")
     parser.add_argument("--levels", required=True, metavar="N,N,...", help="vertex targets, coarsest first")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
-    add_prolongation(parser)
+    add(parser, "--prolongation")
 
 
 def main(options: Namespace) -> None:

@@ -3,20 +3,20 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_settings, loaded_shot
+from pdvol.commands.options import add, chosen_shot
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol info`."""
     parser.add_argument("what", type=Path, metavar="SCENE.py | RUN")
     parser.add_argument("--pictures", type=Path, metavar="DIR", help="draw a run's bindings there")
-    add_settings(parser)
+    add(parser, "--set")
 
 
 def main(options: Namespace) -> None:
     """Print the lines of one scene or run."""
     if options.what.suffix in (".py", ".json"):
-        shot = loaded_shot(options.what, options.set)
+        shot = chosen_shot(options, options.what)
         from pdvol.runs.scene_summary import scene_summary
 
         print("\n".join(scene_summary(shot)))

@@ -8,7 +8,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import Any
 
-from pdvol.commands.options import add_levels, add_shot, chosen_shot, level_range
+from pdvol.commands.options import SHOT, add, chosen_shot, level_range
 from pdvol.errors import InputError
 
 PORT = 8080
@@ -17,7 +17,7 @@ FINEST_BY_DEFAULT = 1  # level: it follows the preview within seconds
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol live`."""
-    add_shot(parser)
+    add(parser, *SHOT)
     parser.add_argument(
         "--vary",
         action="append",
@@ -25,7 +25,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="NAME=A:B",
         help="the range of a parameter's slider, or NAME=A,B,C for a choice",
     )
-    add_levels(parser)
+    add(parser, "--levels")
     parser.add_argument("--wavefront", action="store_true", help="run the finer levels side by side, a process each")
     parser.add_argument("-o", "--out", type=Path, default=Path("runs"), help="folder for kept runs (default: runs)")
     parser.add_argument("--port", type=int, default=PORT, help=f"of the page (default: {PORT}, or the next free one)")

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_trust
+from pdvol.commands.options import add
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -11,7 +11,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("--against", type=Path, metavar="RUN", help="another run of the same shot, to compare with")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
-    add_trust(parser)
+    add(parser, "--trust")
 
 
 def main(options: Namespace) -> None:

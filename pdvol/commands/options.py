@@ -1,10 +1,10 @@
 """Options that several verbs share, and how their text is read."""
 
 import sys
-from argparse import ArgumentParser, BooleanOptionalAction, Namespace
+from argparse import Action, ArgumentParser, BooleanOptionalAction, Namespace
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pdvol.commands.simulation import this_rank
 from pdvol.errors import InputError
@@ -15,109 +15,86 @@ if TYPE_CHECKING:
     from pdvol.store.reader import Run
 
 
-def add_settings(parser: ArgumentParser) -> None:
-    """`--set NAME=VALUE`."""
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a scene parameter, a solver setting, or what holds levels together (consistency, weight, feedback)",
-    )
+def whole_number(option: str, text: str) -> int:
+    """The number that an option's text holds; InputError where it holds none."""
+    if not text.strip().isdecimal():
+        raise InputError(f"{option}: {text!r} is not a whole number")
+    return int(text)
 
 
-def add_shot(parser: ArgumentParser) -> None:
-    """The scene, its settings and its number of steps, for `chosen_shot`."""
-    parser.add_argument("scene", type=Path, metavar="SCENE.py")
-    add_settings(parser)
-    parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
+class WholeNumber(Action):
+    """An option that takes a whole number; InputError for another text."""
+
+    def __call__(self, parser: object, namespace: Namespace, values: Any, option_string: str | None = None) -> None:
+        setattr(namespace, self.dest, whole_number(self.option_strings[0], values))
 
 
-def add_jobs(parser: ArgumentParser) -> None:
-    """`--jobs N`, for `chosen_jobs`."""
-    parser.add_argument("--jobs", default="", metavar="N", help="runs at a time here (default: one per core)")
+SHARED: dict[str, dict[str, Any]] = {
+    "scene": {"type": Path, "metavar": "SCENE.py"},
+    "--set": {
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=VALUE",
+        "help": "a scene parameter, a solver setting, or what holds levels together (consistency, weight, feedback)",
+    },
+    "--steps": {"type": int, "help": "number of time steps, instead of the scene's"},
+    "--resume": {"action": "store_true", "help": "go on with the run in that folder"},
+    "--levels": {"default": "", "metavar": "A:B", "help": "levels A to B, both included (default: all)"},
+    "--jobs": {"action": WholeNumber, "metavar": "N", "help": "runs at a time here (default: one per core)"},
+    "--ranks": {
+        "action": WholeNumber,
+        "metavar": "N",
+        "help": "MPI ranks a level (default: as many as its size pays for and cores are idle)",
+    },
+    "--wavefront": {
+        "action": BooleanOptionalAction,
+        "help": "run the levels side by side, a process each, or not (default: where it pays and cores are idle)",
+    },
+    "--prolongation": {
+        "default": "barycentric",
+        "choices": tuple(INTERPOLANTS),
+        "help": "how a level's motion is carried to the next finer one",
+    },
+    "--facets": {"action": "store_true", "help": "draw bodies by their cells, not by their render meshes"},
+    "--no-picture": {"action": "store_true", "help": "do not draw picture.png at the end"},
+    "--no-xdmf": {"action": "store_true", "help": "do not write level_N.xdmf; pdvol export makes it later"},
+    "--trust": {
+        "action": "store_true",
+        "help": "run the scene and the scores that a folder from elsewhere names; look at them before",
+    },
+}
+"""Options of several verbs, by name, as `ArgumentParser.add_argument` takes them."""
+ALIASES = {"--trust": ["--run-scene"]}
+SHOT = ("scene", "--set", "--steps")  # for `chosen_shot`
+OUTPUTS = ("--facets", "--no-picture", "--no-xdmf")  # for `simulation.Outputs`
+
+
+def add(parser: ArgumentParser, *names: str) -> None:
+    """Add options of `SHARED` to a verb."""
+    for name in names:
+        parser.add_argument(name, *ALIASES.get(name, ()), **SHARED[name])
+
+
+def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
+    """The scene, its settings, and the run folder to write."""
+    add(parser, *SHOT)
+    parser.add_argument("-o", "--out", type=Path, help=f"run folder (default: runs/NAME{ending})")
+    add(parser, "--resume")
 
 
 def chosen_jobs(options: Namespace) -> int:
     """How many runs `--jobs` allows at a time; InputError where it is no number from 1 on."""
     from pdvol.processes import cores
 
-    jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
+    jobs = cores() if options.jobs is None else int(options.jobs)
     if jobs < 1:
         raise InputError("--jobs 0: give at least 1")
     return jobs
 
 
-def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
-    """The scene, its settings, and the run folder to write."""
-    add_shot(parser)
-    parser.add_argument("-o", "--out", type=Path, help=f"run folder (default: runs/NAME{ending})")
-    parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
-
-
-def add_facets(parser: ArgumentParser) -> None:
-    """`--facets`."""
-    parser.add_argument("--facets", action="store_true", help="draw bodies by their cells, not by their render meshes")
-
-
-def add_outputs(parser: ArgumentParser) -> None:
-    """`--no-picture`, `--facets` and `--no-xdmf`."""
-    add_facets(parser)
-    parser.add_argument("--no-picture", action="store_true", help="do not draw picture.png at the end")
-    parser.add_argument("--no-xdmf", action="store_true", help="do not write level_N.xdmf; pdvol export makes it later")
-
-
-def add_prolongation(parser: ArgumentParser) -> None:
-    """`--prolongation NAME`."""
-    parser.add_argument(
-        "--prolongation",
-        default="barycentric",
-        choices=tuple(INTERPOLANTS),
-        help="how a level's motion is carried to the next finer one",
-    )
-
-
-def add_wavefront(parser: ArgumentParser) -> None:
-    """`--wavefront`, `--no-wavefront`."""
-    parser.add_argument(
-        "--wavefront",
-        action=BooleanOptionalAction,
-        help="run the levels side by side, a process each, or not (default: where it pays and cores are idle)",
-    )
-
-
-def add_ranks(parser: ArgumentParser) -> None:
-    """`--ranks N`, for `chosen_ranks`."""
-    parser.add_argument(
-        "--ranks",
-        default="",
-        metavar="N",
-        help="MPI ranks a level (default: as many as its size pays for and cores are idle)",
-    )
-
-
-def chosen_ranks(options: Namespace) -> int | None:
-    """The number of `--ranks`; None without the option. InputError where it is no number."""
-    return whole_number("--ranks", options.ranks) if options.ranks else None
-
-
-def add_trust(parser: ArgumentParser) -> None:
-    """`--trust`, which the command line carries out."""
-    parser.add_argument(
-        "--trust",
-        "--run-scene",
-        action="store_true",
-        help="run the scene and the scores that a folder from elsewhere names; look at them before",
-    )
-
-
-def add_levels(parser: ArgumentParser) -> None:
-    """`--levels A:B`, for `level_range` or `stored_levels`."""
-    parser.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
-
-
-def level_range(text: str) -> tuple[int, int | None]:
-    """`0:2` and `1` as the first and last level, both included; the last is None where the text leaves it open.
+def level_range(text: str, option: str = "--levels") -> tuple[int, int | None]:
+    """`0:2`, `1:`, `:1` and `1` as the first and last level, both included; the last is None where the text leaves it
+    open.
 
     Raises
     ------
@@ -127,8 +104,8 @@ def level_range(text: str) -> tuple[int, int | None]:
     if not text:
         return 0, None
     first, colon, last = text.partition(":")
-    first_level = whole_number("--levels", first or "0")
-    return first_level, (whole_number("--levels", last) if last else None) if colon else first_level
+    begin = whole_number(option, first or "0")
+    return begin, (whole_number(option, last) if last else None) if colon else begin
 
 
 def stored_levels(text: str, run: "Run") -> Sequence[int] | None:
@@ -147,24 +124,6 @@ def number(text: str) -> float:
     return value
 
 
-def whole_number(option: str, text: str) -> int:
-    """The number that an option's text holds; InputError where it holds none."""
-    if not text.strip().isdecimal():
-        raise InputError(f"{option}: {text!r} is not a whole number")
-    return int(text)
-
-
-def chosen_shot(options: Namespace) -> "Shot":
-    """The scene of `options.scene` with its `--set` and, where the verb has it, `--steps`.
-
-    Raises
-    ------
-    InputError
-        The scene file or a setting is wrong.
-    """
-    return loaded_shot(options.scene, options.set, getattr(options, "steps", None), getattr(options, "hand", None))
-
-
 def require_use(shot: "Shot", method: str) -> None:
     """InputError where `--set` gives a weight of the penalty that this method does not use."""
     from pdvol.scene.solver import WEIGHTS
@@ -174,16 +133,25 @@ def require_use(shot: "Shot", method: str) -> None:
             raise InputError(f"--set {name}: only the method {user} uses it, not {method}; leave it out")
 
 
-def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None, hand: Path | None = None) -> "Shot":
-    """The scene of a file with the settings of `--set`, loaded as a stage. Raises as `chosen_shot`."""
+def chosen_shot(options: Namespace, file: Path | None = None) -> "Shot":
+    """The scene of a file, `options.scene` when None, with `--set` and, where the verb has them, `--steps` and
+    `--hand`. Loaded as a stage.
+
+    Raises
+    ------
+    InputError
+        The scene file or a setting is wrong.
+    """
     from pdvol.stages import stage
 
+    file = options.scene if file is None else file
+    steps, hand = getattr(options, "steps", None), getattr(options, "hand", None)
     with stage(f"loading {file}"):
         from pdvol.runs.scene_file import load_shot, parse_settings, with_hand
         from pdvol.scene import Hand
         from pdvol.scene.fingerprint import not_compared
 
-        shot = load_shot(file, parse_settings(settings), steps)
+        shot = load_shot(file, parse_settings(options.set), steps)
         if hand is not None:
             if not hand.is_file():
                 raise InputError(f"{hand}, what a hand did, is missing")

@@ -4,7 +4,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks, whole_number
+from pdvol.commands.options import OUTPUTS, WholeNumber, add
 from pdvol.errors import InputError
 
 
@@ -13,12 +13,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("wedge", type=Path, metavar="DIR", help="folder of the wedge")
     parser.add_argument("number", metavar="NUMBER", help="of the variation, or best: what --seek has found")
     parser.add_argument("--refine", action="store_true", help="simulate the finer levels as well")
-    parser.add_argument("--to", default="", metavar="L", help="the finest level of --refine (default: the scene's)")
+    parser.add_argument(
+        "--to", action=WholeNumber, metavar="L", help="the finest level of --refine (default: the scene's)"
+    )
     parser.add_argument("-o", "--out", type=Path, help="run folder (default: runs/NAME_pickNUMBER)")
-    add_wavefront(parser)
-    add_ranks(parser)
-    add_outputs(parser)
-    add_trust(parser)
+    add(parser, "--wavefront", "--ranks", *OUTPUTS, "--trust")
 
 
 def main(options: Namespace) -> None:
@@ -35,8 +34,7 @@ def main(options: Namespace) -> None:
         from pdvol.studio.wedge.pick import chosen_run, level_lines, take_out
         from pdvol.studio.wedge.scores import chosen_scores
 
-    last = whole_number("--to", options.to) if options.to else None
-    if last is not None and not options.refine:
+    if options.to is not None and not options.refine:
         raise InputError("--to is the finest level of --refine; add --refine")
     source, entry = chosen_run(options.wedge, options.number)
     stored = open_run(source).info
@@ -52,7 +50,7 @@ def main(options: Namespace) -> None:
     take_out(source, out)
     outputs = Outputs(options, out)
     if options.refine:
-        outputs.simulate(refine_run, out, finest if last is None else last, ranks=chosen_ranks(options))
+        outputs.simulate(refine_run, out, finest if options.to is None else options.to)
     for line in level_lines(out, scores):
         print(line)
     if not options.refine:

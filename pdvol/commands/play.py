@@ -5,12 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_levels, add_trust, stored_levels
+from pdvol.commands.options import add, level_range, stored_levels
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
-    from pdvol.store.series import Fields
-    from pdvol.studio.play.fields import PointField
     from pdvol.studio.play.panes import Pane
 
 
@@ -18,7 +16,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol play`."""
     parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folders, or one folder of pdvol wedge")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE.html", help="default: player.html in the first folder")
-    add_levels(parser)
+    add(parser, "--levels")
     parser.add_argument(
         "--fields",
         default="",
@@ -34,7 +32,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--no-render-meshes", action="store_true", help="leave render meshes out: a smaller file, with more states"
     )
-    add_trust(parser)
+    add(parser, "--trust")
 
 
 def main(options: Namespace) -> None:
@@ -86,8 +84,6 @@ def chosen_panes(options: Namespace) -> tuple[list["Pane"], int | None, str]:
 
 def wedge_levels(text: str) -> list[int] | None:
     """The levels of each variation that `--levels` names; None without the option."""
-    from pdvol.commands.options import level_range
-
     if not text:
         return None
     first, last = level_range(text)
@@ -107,12 +103,8 @@ def with_contact_force(panes: list["Pane"], notes: list[str]) -> list["Pane"]:
         if pane.run is not None:
             of_step = by_run[id(pane.run)](pane.level)
             if "contact_force" in of_step(0).points:
-                fields = {**pane.fields, "contact_force": per_area(pane.stored, _contact_force(of_step))}
-                pane = replace(pane, fields=fields)
+                force = lambda step, of_step=of_step: of_step(step).points["contact_force"]
+                pane = replace(pane, fields={**pane.fields, "contact_force": per_area(pane.stored, force)})
         found.append(pane)
     notes += dict.fromkeys(note for its in by_run.values() for note in its.notes)
     return found
-
-
-def _contact_force(of_step: "Fields") -> "PointField":
-    return lambda step: of_step(step).points["contact_force"]

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from functools import partial
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_ranks, chosen_shot, require_use
+from pdvol.commands.options import OUTPUTS, add, add_new_run, chosen_shot, require_use
 from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
@@ -17,8 +17,7 @@ LOOK = 0.03  # s between two looks at the files of a scene that is watched: less
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol preview`."""
     add_new_run(parser, PREVIEW)
-    add_outputs(parser)
-    add_ranks(parser)
+    add(parser, *OUTPUTS, "--ranks")
     parser.add_argument("--watch", action="store_true", help="preview again whenever the scene file is saved")
 
 
@@ -31,7 +30,10 @@ def main(options: Namespace) -> None:
         return
     if options.resume:
         raise InputError("--watch previews anew at each save; leave out --resume")
-    _refuse_ranks()
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError("--watch works on one rank; leave out mpirun")
     try:
         while True:
             before = _sources(options.scene)
@@ -67,15 +69,8 @@ def _preview(options: Namespace) -> None:
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
     outputs = Outputs(options, out, shot.scene)
     level_0 = partial(run_scene, shot, out, 0, 0, resume=options.resume)
-    outputs.simulate(level_0, ranks=chosen_ranks(options), replace=not options.resume)
+    outputs.simulate(level_0, replace=not options.resume)
     outputs.report()
-
-
-def _refuse_ranks() -> None:
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.size > 1:
-        raise InputError("--watch works on one rank; leave out mpirun")
 
 
 def _sources(scene: Path) -> dict[Path, int]:

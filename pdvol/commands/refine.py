@@ -3,17 +3,14 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_ranks, add_trust, add_wavefront, chosen_ranks
+from pdvol.commands.options import OUTPUTS, add
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol refine`."""
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("--to", type=int, required=True, metavar="L", help="the finest level wanted")
-    add_wavefront(parser)
-    add_ranks(parser)
-    add_outputs(parser)
-    add_trust(parser)
+    add(parser, "--wavefront", "--ranks", *OUTPUTS, "--trust")
 
 
 def main(options: Namespace) -> None:
@@ -25,5 +22,5 @@ def main(options: Namespace) -> None:
         from pdvol.runs.runner import refine_run
 
     outputs = Outputs(options, options.run)
-    outputs.simulate(refine_run, options.run, options.to, ranks=chosen_ranks(options))
+    outputs.simulate(refine_run, options.run, options.to)
     outputs.report()

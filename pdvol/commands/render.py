@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_facets, add_levels, number, stored_levels, whole_number
+from pdvol.commands.options import add, level_range, number, stored_levels, whole_number
 from pdvol.errors import InputError
 
 
@@ -11,7 +11,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol render`."""
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif|.webp")
-    add_levels(parser)
+    add(parser, "--levels")
     parser.add_argument(
         "--turn", type=number, default=0.0, metavar="DEGREES", help="turn the camera about the vertical"
     )
@@ -24,7 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="VIEW",
         help="front, side, top, three-quarter, follow:BODY, or position and target in metres, X,Y,Z:TX,TY,TZ",
     )
-    add_facets(parser)
+    add(parser, "--facets")
     parser.add_argument(
         "--cut",
         default="",
@@ -48,7 +48,7 @@ def main(options: Namespace) -> None:
         facets=options.facets,
         size=_size(options.size),
         fps=options.fps,
-        span=_span(options.frames),
+        span=level_range(options.frames, "--frames"),
     )
     print(render(run, out, stored_levels(options.levels, run), shot=shot))
 
@@ -61,14 +61,3 @@ def _size(text: str) -> tuple[int, int] | None:
     if not cross:
         raise InputError(f"--size: {text!r} is no width and height; give both, as 1920x1080")
     return whole_number("--size", width), whole_number("--size", height)
-
-
-def _span(text: str) -> tuple[int, int | None]:
-    """`20:60`, `20:`, `:60` or `20` as first and last step; the last is None where the text leaves it open."""
-    if not text:
-        return 0, None
-    first, colon, last = text.partition(":")
-    begin = whole_number("--frames", first or "0" if colon else first)
-    if not colon:
-        return begin, begin
-    return begin, whole_number("--frames", last) if last else None

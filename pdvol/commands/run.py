@@ -5,19 +5,7 @@ from argparse import SUPPRESS, ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import (
-    add_levels,
-    add_new_run,
-    add_outputs,
-    add_prolongation,
-    add_ranks,
-    add_trust,
-    add_wavefront,
-    chosen_ranks,
-    chosen_shot,
-    level_range,
-    require_use,
-)
+from pdvol.commands.options import OUTPUTS, add, add_new_run, chosen_shot, level_range, require_use
 from pdvol.commands.simulation import this_rank
 from pdvol.errors import InputError
 from pdvol.registry import METHODS
@@ -28,14 +16,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol run`."""
-    add_levels(parser)
+    add(parser, "--levels")
     parser.add_argument(
         "--method", default="progressive", choices=METHODS, help="how finer levels are made (default: progressive)"
     )
-    add_prolongation(parser)
-    add_wavefront(parser)
-    add_ranks(parser)
-    add_outputs(parser)
+    add(parser, "--prolongation", "--wavefront", "--ranks", *OUTPUTS)
     add_new_run(parser)
     parser.add_argument(
         "--branch",
@@ -49,7 +34,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--accuracy", default="", metavar="LENGTH", help="settings of a study: 5mm or 1%% at the end")
     parser.add_argument("--time", default="", metavar="TIME", help="settings of a study: 90s or 10min of CPU time")
     parser.add_argument("--study", type=Path, metavar="DIR", help="the study to take them from")
-    add_trust(parser)
+    add(parser, "--trust")
 
 
 def main(options: Namespace) -> None:
@@ -77,7 +62,7 @@ def main(options: Namespace) -> None:
     if options.branch is not None or options.at is not None:
         first, last, options.resume = _begin_branch(options, shot, first, last, out)
     outputs, how = Outputs(options, out, shot.scene), (options.method, options.prolongation, options.resume)
-    outputs.simulate(run_scene, shot, out, first, last, *how, ranks=chosen_ranks(options))
+    outputs.simulate(run_scene, shot, out, first, last, *how)
     outputs.report()
 
 

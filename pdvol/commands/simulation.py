@@ -15,7 +15,6 @@ from pdvol.processes import cores
 from pdvol.stages import stage
 
 if TYPE_CHECKING:
-    from pdvol.runs.level_run import Watch
     from pdvol.scene import Scene
     from pdvol.studio.wedge.worker import Worker
 
@@ -27,20 +26,13 @@ def this_rank() -> int:
     return world.rank if world is not None else 0
 
 
-def progress_report() -> "Watch | None":
-    """Progress of each level on standard error, on one rank; None on the others."""
-    from pdvol.runs.progress import Progress
-
-    return (lambda level, total, done: Progress(level, total, done=done)) if this_rank() == 0 else None
-
-
 class Outputs:
     """The files that a command makes of a run: level_N.xdmf, and `picture.png` before it, as soon as the last level is
     done. Of 3D scenes a process draws it that loads VTK meanwhile, where there is a core for it.
 
     Parameters
     ----------
-    options : of the command, with those of `add_outputs`
+    options : of the command, with `OUTPUTS`
     out : the run folder
     scene : of the run, where it is known
     """
@@ -51,14 +43,17 @@ class Outputs:
         beside = not self._begun and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
         self._worker = _painter() if beside else None
 
-    def simulate(self, run: Callable, *arguments: Any, ranks: int | None, replace: bool = False) -> None:
+    def simulate(self, run: Callable, *arguments: Any, replace: bool = False) -> None:
         """Calls `run_scene` or `refine_run` with the command's options. Where a finer level has no mesh, `report`
         raises its error. Collective.
         """
+        from pdvol.runs.progress import Progress
         from pdvol.runs.runner import Execution
 
         wavefront, xdmf = getattr(self.options, "wavefront", False), not self.options.no_xdmf
-        how = Execution(progress_report(), wavefront, ranks, xdmf, replace, self._draw)
+        how = Execution(
+            Progress if this_rank() == 0 else None, wavefront, self.options.ranks, xdmf, replace, self._draw
+        )
         try:
             run(*arguments, how=how)
         except LevelError as error:

@@ -5,11 +5,10 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_jobs, add_levels, add_shot, chosen_jobs, chosen_shot, level_range, number
+from pdvol.commands.options import SHOT, add, chosen_jobs, chosen_shot, level_range, number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
-    from pdvol.studio.study.study import Study
     from pdvol.studio.wedge.variation import Variation
 
 BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
@@ -17,7 +16,7 @@ BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol study`."""
-    add_shot(parser)
+    add(parser, *SHOT)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the study")
     parser.add_argument(
         "--vary",
@@ -32,14 +31,16 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"
     )
     parser.add_argument("--budget", type=number, default=BUDGET, metavar="MINUTES", help=f"default: {BUDGET:g}")
-    add_jobs(parser)
+    add(parser, "--jobs")
     parser.add_argument("--method", default="", choices=("progressive", "direct"), help="of the scene's own settings")
-    add_levels(parser)
+    add(parser, "--levels")
 
 
 def main(options: Namespace) -> None:
     """Run the study, write study.json and study.html, print the sentences."""
+    from pdvol.stages import stage
     from pdvol.studio.study.axes import chosen_axes
+    from pdvol.studio.study.page import write_page
     from pdvol.studio.study.study import Study
 
     if not options.budget > 0.0:
@@ -52,16 +53,8 @@ def main(options: Namespace) -> None:
     method = options.method or "progressive"
     chosen = chosen_axes(options.vary, shot)
     reference = _reference(options.reference, method)
-    last = shot.scene.levels - 1 if options.levels and last is None else last
-    finest = last if options.levels else None
-    _show(Study(shot, options.out, chosen, method, finest, reference, 60.0 * options.budget, jobs))
-
-
-def _show(made: "Study") -> None:
-
-    from pdvol.stages import stage
-    from pdvol.studio.study.page import write_page
-
+    finest = shot.scene.levels - 1 if options.levels and last is None else last
+    made = Study(shot, options.out, chosen, method, finest, reference, 60.0 * options.budget, jobs)
     result = made.run(lambda line: print(line, file=sys.stderr, flush=True))
     with stage("writing study.html"):
         page = write_page(made.out / "study.html", result)

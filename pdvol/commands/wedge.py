@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_facets, add_jobs, add_shot, chosen_jobs, chosen_shot, number, whole_number
+from pdvol.commands.options import SHOT, WholeNumber, add, chosen_jobs, chosen_shot, number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol wedge`."""
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    add_shot(parser)
+    add(parser, *SHOT)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the wedge")
     parser.add_argument(
         "--vary",
@@ -41,15 +41,19 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="a setting and its values: A:B:N (N values from A to B), A:B (a range, with --sample or --seek) or a list,"
         " 0,2,4; several make a grid",
     )
-    parser.add_argument("--sample", default="", metavar="N", help="N variations that fill the ranges evenly, no grid")
+    parser.add_argument(
+        "--sample", action=WholeNumber, metavar="N", help="N variations that fill the ranges evenly, no grid"
+    )
     parser.add_argument(
         "--jitter",
         type=number,
         metavar="SPEED",
         help="add a small random velocity [m/s] to each body's initial one, another in each variation",
     )
-    parser.add_argument("--seed", default="0", metavar="N", help="of --sample and --seek (default: 0)")
-    add_jobs(parser)
+    parser.add_argument(
+        "--seed", action=WholeNumber, default=0, metavar="N", help="of --sample and --seek (default: 0)"
+    )
+    add(parser, "--jobs")
     parser.add_argument("--executor", default="local", choices=("local", PRINT), help="of runs (default: local)")
     parser.add_argument(
         "--score",
@@ -62,9 +66,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--film", action="store_true", help="a film of all variations as well")
     parser.add_argument("--no-picture", action="store_true", help="do not draw sheet.png and scatter.png")
     parser.add_argument("--tiles", action="store_true", help="each picture of sheet.png as tiles/NUMBER.png as well")
-    add_facets(parser)
+    add(parser, "--facets")
     parser.add_argument("--seek", default="", metavar="TEXT", help="search the ranges for the largest score")
-    parser.add_argument("--runs", default="", metavar="N", help=f"at most, of --seek (default: {SEEK_RUNS})")
+    parser.add_argument("--runs", action=WholeNumber, metavar="N", help=f"at most, of --seek (default: {SEEK_RUNS})")
     parser.add_argument(
         "--budget", type=number, metavar="MINUTES", help=f"at most, of --seek (default: {SEEK_BUDGET:g})"
     )
@@ -111,9 +115,9 @@ def _check_seek(options: Namespace) -> None:
     if options.seek:
         if options.executor == PRINT:
             raise InputError("--seek needs its runs at once: leave out --executor print")
-        if options.sample or options.jitter is not None:
+        if options.sample is not None or options.jitter is not None:
             raise InputError("--seek chooses its own variations; leave out --sample and --jitter")
-    elif options.runs or options.budget is not None or options.goal is not None:
+    elif options.runs is not None or options.budget is not None or options.goal is not None:
         raise InputError("--runs, --budget and --goal are bounds of --seek")
     if options.budget is not None and not options.budget > 0.0:
         raise InputError(f"--budget {options.budget:g}: give minutes above zero")
@@ -125,10 +129,9 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: in
     from pdvol.studio.wedge.vary import chosen_variations
     from pdvol.studio.wedge.worker import Workers
 
-    sample = whole_number("--sample", options.sample) if options.sample else None
-    seed = whole_number("--seed", options.seed)
+    sample = options.sample
     if varies or sample is not None or options.jitter is not None or not wedge.entries:
-        wedge.add(chosen_variations(varies, sample, options.jitter, seed), options.vary)
+        wedge.add(chosen_variations(varies, sample, options.jitter, options.seed), options.vary)
     total = len(wedge.entries)
     if options.executor == PRINT:
         jobs = wedge.missing()
@@ -148,10 +151,10 @@ def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: i
     from pdvol.studio.wedge.search import Until, seek_best
     from pdvol.studio.wedge.worker import Workers
 
-    runs = whole_number("--runs", options.runs) if options.runs else SEEK_RUNS
+    runs = SEEK_RUNS if options.runs is None else options.runs
     if runs < 1:
         raise InputError("--runs 0: give at least 1")
     deadline = time.monotonic() + 60.0 * (SEEK_BUDGET if options.budget is None else options.budget)
-    seed, goal = whole_number("--seed", options.seed), float("inf") if options.goal is None else options.goal
+    goal = float("inf") if options.goal is None else options.goal
     with closing(Workers(count)) as workers, progress(runs, options.seek) as report:
-        seek_best(wedge, options.seek, varies, workers, Until(runs, deadline, goal), seed, report)
+        seek_best(wedge, options.seek, varies, workers, Until(runs, deadline, goal), options.seed, report)

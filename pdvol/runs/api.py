@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -72,7 +72,10 @@ def run(
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     scene = checked_scene("run", scene, steps)
-    _check(out, progress)
+    if not (out is None or isinstance(out, str | os.PathLike)):
+        raise InputError(f"out = {out!r} must be the path of a folder")
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise InputError(f"progress = {progress!r} must be True, None or a function of a step's record")
     first, last = levels_asked(levels)
     if out is None and comm.size > 1:
         raise InputError("several ranks need a run folder: pdvol.run(scene, out=...)")
@@ -96,20 +99,15 @@ def run(
     return stored
 
 
-def _check(out: Any, progress: Any) -> None:
-    if not (out is None or isinstance(out, str | os.PathLike)):
-        raise InputError(f"out = {out!r} must be the path of a folder")
-    if not (progress is None or isinstance(progress, bool) or callable(progress)):
-        raise InputError(f"progress = {progress!r} must be True, None or a function of a step's record")
+def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm, stream: TextIO | None) -> Watch | None:
+    """What `Execution` takes for this `progress`, which is shown on the stream where there is one."""
+    if not callable(progress):
+        return None if stream is None else partial(Progress, stream=stream)
 
+    def call(record: Mapping) -> None:
+        progress(dict(record))
 
-def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm, stream: TextIO | None = None) -> Watch | None:
-    """What `Execution` takes for this `progress`, which is shown on the stream if it is True."""
-    if progress is None or progress is False:
-        return None
-    if progress is True:
-        return (lambda level, total, done: Progress(level, total, stream, done)) if comm.rank == 0 else None
-    return lambda level, total, done: Calls(progress, comm)
+    return lambda level, total, done: Calls(lambda record: on_root(comm, partial(call, record)))
 
 
 def _keep_or_remove(folder: Path, error: BaseException) -> None:

@@ -18,7 +18,7 @@ from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle, Script
-from pdvol.runs.scene_file import Shot, both_described, kept_value, with_hand
+from pdvol.runs.scene_file import Shot, both_described, with_hand
 from pdvol.runs.separation import build_apart
 from pdvol.scene import Hand
 from pdvol.scene.fingerprint import differences
@@ -90,15 +90,8 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
             Hand(out / RECORD).keep(step)
         if before != now:
             _forget(out, step)
-        info |= {
-            "parameters": kept_value(shot.parameters),
-            "description": shot.description(),
-            "scene_file": "" if shot.file is None else str(shot.file),
-            "steps": shot.scene.steps,
-            "branched": {"run": str(source.resolve()), "step": step, "parameters": run.info["parameters"]}
-            | {"whole": whole},
-        }
-        write_json(out / "run.json", info)
+        begun = {"run": str(source.resolve()), "step": step, "parameters": run.info["parameters"], "whole": whole}
+        write_json(out / "run.json", info | {**shot.kept(), "steps": shot.scene.steps, "branched": begun})
 
 
 def _check_same(run: Run, shot: Shot, step: int) -> None:
@@ -133,7 +126,7 @@ def _check_states(run: Run, shot: Shot, step: int, last: int, source: Path) -> N
         _check_supports(run, level, shot, step, obstacles, ground)
         if scene.contact:
             script = Script((), obstacles, ground)
-            places = script.placed(step * scene.dt, script.recorded_lags(level.behind(step), level.late(step)))
+            places = script.placed(step * scene.dt, script.recorded_lags(*level.lateness(step)))
             names = [body.name for body in scene.bodies]
             count = count_intersections(mesh, level.positions(step), obstacles, names, places)
             if count:
@@ -146,8 +139,7 @@ def _check_obstacles(run: Run, obstacles: Sequence[Obstacle], dt: float, step: i
     if [(o.name, o.kind) for o in drawn] != [(o.name, o.kind) for o in obstacles]:
         names = [", ".join(o.name for o in those) or "none" for those in (drawn, obstacles)]
         raise InputError(f"a run cannot go on from step {step} with other obstacles ({names[0]} -> {names[1]})")
-    for before, now in zip(drawn, stored_obstacles(obstacles, dt, step), strict=True):
-        other = DrawnObstacle(before.name, before.kind, {k: v for k, v in now.items() if k not in ("name", "kind")})
+    for before, other in zip(drawn, map(DrawnObstacle.of, stored_obstacles(obstacles, dt, step)), strict=True):
         for key in ("faces", "edges"):
             if not np.array_equal(before.arrays.get(key, ()), other.arrays.get(key, ())):
                 raise InputError(f"a run cannot go on from step {step} with another shape of obstacle {before.name!r}")
@@ -173,7 +165,7 @@ def _check_supports(
     script = Script(held, obstacles, ground)
     for number in range(1, step + 1):
         time = number * scene.dt
-        placed = script.at(time, script.recorded_lags(level.behind(number), level.late(number)))
+        placed = script.at(time, script.recorded_lags(*level.lateness(number)))
         positions = level.positions(number)
         for i, points in enumerate(held):
             if before[i] != now[i] and points.holds(time - scene.dt, scene.dt):

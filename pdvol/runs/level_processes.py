@@ -13,7 +13,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, TextIO, cast
@@ -27,10 +27,10 @@ from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.partition import carried
 from pdvol.parallel import on_root
-from pdvol.processes import die_with_parent, give_memory_back, without_launcher
+from pdvol.processes import PATIENCE, die_with_parent, give_memory_back, without_launcher
 from pdvol.runs.launcher import rank_command
 from pdvol.runs.level_run import Watch, run_level
-from pdvol.runs.progress import Progress
+from pdvol.runs.progress import Calls, Progress
 from pdvol.runs.scene_file import stored_shot
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stage_lines import StageLines
@@ -40,7 +40,6 @@ from pdvol.store.reader import Run, open_run
 POLL = 0.005  # seconds between checks for a coarser state
 CHECK = 0.5  # seconds between checks whether a process that sends nothing has ended
 START_TIME = 120.0  # seconds that processes may need to load the libraries; 2 to 4 are usual
-GRACE_TIME = 10.0  # seconds that a level's processes have to end before they are killed
 SIGNALLED = 128  # without a unit: shells and Open MPI add it to the number of the signal that ended a process
 
 
@@ -48,30 +47,27 @@ class NoRanks(SimulationError):
     """The ranks of a level did not start."""
 
 
-class Follower:
-    """A level's writer in its processes: the first rank sends states to the keeper, and reads those that are stored.
-
-    All ranks call it together.
-    """
+class Follower(SharedWriter):
+    """A level's writer in its processes: the first rank sends states to the keeper, and reads those that are stored."""
 
     def __init__(self, run: Run, keeper: Connection | None, comm: MPI.Comm):
-        self.run, self._keeper, self._comm, self._parent = run, keeper, comm, os.getppid()
+        self._run, self._keeper, self.comm, self._parent = run, keeper, comm, os.getppid()
 
-    def _send(self, *message: Any) -> None:
+    def send(self, *message: Any) -> None:
         if self._keeper is not None:
             self._keeper.send(message)
 
     def call(self, name: str, *arguments: Any, **details: Any) -> Any:
         """The number of stored states, or a request to the keeper."""
         if name == "steps":
-            return on_root(self._comm, lambda: self.run.levels[arguments[0]].steps)
-        return self._send("call", (name, *arguments), details)
+            return on_root(self.comm, lambda: self._run.levels[arguments[0]].steps)
+        return self.send("call", name, arguments, details)
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
         """`positions` or `velocities` of a stored state; it waits for one that is not stored yet, as long as the keeper
         runs.
         """
-        stored = self.run.levels[level]
+        stored = self._run.levels[level]
 
         def read() -> np.ndarray:
             while stored.steps <= step:
@@ -80,42 +76,22 @@ class Follower:
                 time.sleep(POLL)
             return getattr(stored, what)(step)
 
-        return on_root(self._comm, read)
-
-    def record(self, level: int, step: int) -> dict:
-        """The log's record of a stored step; empty where there is none."""
-        return on_root(self._comm, lambda: self.run.levels[level].record(step))
+        return on_root(self.comm, read)
 
     def watch(self, level: int, total: int, done: int) -> Progress:
         """Has the keeper show the level's progress, by the states that it stores."""
-        self._send("watch", (level, total, done), {})
-        return _Unseen(lambda record: self._send("lasts", (level, record), {}))
-
-
-class _Unseen(Progress):
-    """Progress that another process shows: it sees finished steps, and is sent those that last."""
-
-    def __init__(self, send: Callable[[Mapping], None]) -> None:
-        self._send = send
-
-    def step(self, record: Mapping) -> None:
-        pass
-
-    def lasts(self, record: Mapping) -> None:
-        self._send(record)
-
-    def close(self) -> None:
-        pass
+        self.send("watch", total, done)
+        return Calls(lasts=lambda record: self.send("lasts", record))
 
 
 class _Sent(io.TextIOBase):
     """What a level's processes write for the user, sent to the keeper, whose standard error may be a terminal."""
 
-    def __init__(self, keeper: Connection, terminal: bool):
-        self._keeper, self._terminal = keeper, terminal
+    def __init__(self, send: Callable[..., None], terminal: bool):
+        self._send, self._terminal = send, terminal
 
     def write(self, text: str) -> int:
-        self._keeper.send(("say", (text,), {}))
+        self._send("say", text)
         return len(text)
 
     def isatty(self) -> bool:
@@ -143,7 +119,7 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
     for level, ranks in levels.items():
         if progress is not None and ranks > 1:
             print(f"level {level}: {ranks} ranks (--ranks N for another number)", file=sys.stderr)
-    watches: dict[int, Progress] = {}
+    watches: dict[int, Progress] = {level: Calls() for level in levels}
     failed: dict[int, PdvolError] = {}
     try:
         with stage("starting " + ", ".join(f"level {level}" for level in levels)):
@@ -155,32 +131,27 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
             for level, worker in list(workers.items()):
                 if level not in workers or (worker.reports not in ready and worker.runs):
                     continue  # the first: ended by a coarser one just now
-                name, arguments, details = worker.message()
-                if name == "ended":
-                    del workers[level]
-                    error = worker.end()
-                    if error is not None and level not in failed:
+                match worker.message():
+                    case ("ended",):
+                        del workers[level]
+                        if (error := worker.end()) is not None:
+                            failed.setdefault(level, error)
+                    case "error", error:
                         failed[level] = error
-                elif name == "error":
-                    failed[level] = arguments[0]
-                    for finer in [other for other in workers if other > level]:
-                        workers.pop(finer).stop()
-                        writer.call("set_level_state", finer, "interrupted")
-                elif name == "ready":
-                    continue
-                elif name == "say":
-                    sys.stderr.write(arguments[0])
-                    sys.stderr.flush()
-                elif name == "watch":
-                    if progress is not None:
-                        watches[level] = progress(*arguments)
-                elif name == "lasts":
-                    if level in watches:
-                        watches[level].lasts(arguments[1])
-                else:
-                    writer.call(*arguments, **details)
-                    if arguments[0] == "write_state" and level in watches and isinstance(arguments[-1], dict):
-                        watches[level].step(arguments[-1])
+                        for finer in [other for other in workers if other > level]:
+                            workers.pop(finer).stop()
+                            writer.call("set_level_state", finer, "interrupted")
+                    case "say", text:
+                        sys.stderr.write(text)
+                        sys.stderr.flush()
+                    case "watch", total, done if progress is not None:
+                        watches[level] = progress(level, total, done)
+                    case "lasts", record:
+                        watches[level].lasts(record)
+                    case "call", name, arguments, details:
+                        writer.call(name, *arguments, **details)
+                        if name == "write_state" and isinstance(arguments[-1], dict):
+                            watches[level].step(arguments[-1])
     finally:
         for worker in workers.values():
             worker.stop()
@@ -234,26 +205,23 @@ class _Worker:
                 continue
             raise NoRanks(f"level {self._level}: {self._ranks} ranks did not start{said}")
 
-    def message(self) -> tuple[str, tuple, dict]:
+    def message(self) -> tuple:
         """The next message; "ended" where none will come."""
         try:
             if self.reports.poll() or self.runs:
                 return self.reports.recv()
         except (EOFError, OSError):
             pass
-        return "ended", (), {}
+        return ("ended",)
 
     def end(self) -> SimulationError | None:
         """Waits for the end after the last message; the error where it was not a good one."""
-        try:
-            status = self._process.wait(GRACE_TIME)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            status = self._process.wait()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
         said = self._output.read_text(errors="replace")
         if "Traceback" in said:
             sys.stderr.write(said)
-        self.stop()
+        status = self.stop()
         if status == 0:
             return None
         plain = self._ranks > 1 and status > 1 and MPI.get_vendor()[0] == "MPICH"  # its launcher adds nothing
@@ -262,16 +230,17 @@ class _Worker:
         what = "one of its ranks" if self._ranks > 1 else "its process"
         return SimulationError(f"level {self._level}: {what}{how}; finished steps are kept, go on with --resume")
 
-    def stop(self) -> None:
-        """Ends the processes. A launcher gets time to remove what its ranks share."""
+    def stop(self) -> int:
+        """Ends the processes, and returns the status. A launcher gets time to remove what its ranks share."""
         if self.runs and self._ranks > 1:
             self._process.terminate()
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(GRACE_TIME)
+                self._process.wait(PATIENCE)
         self._process.kill()
-        self._process.wait()
+        status = self._process.wait()
         self.reports.close()
         self._folder.cleanup()
+        return status
 
 
 def _work(path: str, level: int, ranks: int, fifo: str, lines: str) -> None:
@@ -280,7 +249,7 @@ def _work(path: str, level: int, ranks: int, fifo: str, lines: str) -> None:
     die_with_parent()
     if comm.rank == 0:
         keeper = Connection(os.open(fifo, os.O_WRONLY), readable=False)
-        keeper.send(("ready", (), {}))
+        keeper.send(("ready",))
     else:
         sys.stdout = open(os.devnull, "w")  # what a scene file prints comes once
     try:
@@ -289,7 +258,7 @@ def _work(path: str, level: int, ranks: int, fifo: str, lines: str) -> None:
         _march(open_run(path), level, keeper, comm, lines)
     except PdvolError as error:
         if keeper is not None:
-            keeper.send(("error", (error,), {}))
+            keeper.send(("error", error))
     except BrokenPipeError:  # the keeper has ended and takes no report
         comm.Abort(1)
     except BaseException:
@@ -303,10 +272,8 @@ def _work(path: str, level: int, ranks: int, fifo: str, lines: str) -> None:
 def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, lines: str) -> None:
     info = run.info
     writer = Follower(run, keeper, comm)
-    shows: AbstractContextManager[None] = nullcontext()
-    if keeper is not None and lines != "none":
-        shows = reported_to(StageLines(cast(TextIO, _Sent(keeper, lines == "terminal"))))
-    with shows:
+    shown = keeper is not None and lines != "none"
+    with reported_to(StageLines(cast(TextIO, _Sent(writer.send, lines == "terminal")))) if shown else nullcontext():
         shot = stored_shot(info, trusted=True)  # the keeper has just run it
         meshes = [stored.mesh for stored in run.levels[: level + 1]]
         places = on_root(comm, lambda: _places(run, level, shot.scene.steps)) if level and comm.size > 1 else None

@@ -3,9 +3,6 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache, partial
-from typing import Any, Protocol
-
-import numpy as np
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.integrate.integrator import Integrator, Past, past_of
@@ -15,38 +12,24 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Script
 from pdvol.registry import INTEGRATORS, STUDIO
-from pdvol.runs.progress import Progress
+from pdvol.runs.progress import Calls, Progress
+from pdvol.runs.shared_writer import SharedWriter
 from pdvol.stages import stage
 
 Watch = Callable[[int, int, int], Progress]
 
 
-class LevelWriter(Protocol):
-    """Stores the states of a level and reads them back: `SharedWriter`, or a worker's `Follower`."""
-
-    def call(self, name: str, *arguments: Any, **details: Any) -> Any:
-        """Calls a method of the run's writer; "steps" gives the number of stored states."""
-
-    def read(self, level: int, what: str, step: int) -> np.ndarray:
-        """`positions` or `velocities` (n, d) of a stored state."""
-
-    def record(self, level: int, step: int) -> dict:
-        """The log's record of a stored step."""
-
-
 def run_level(
-    model: LevelModel, hierarchy: Hierarchy, method: str, writer: LevelWriter, progress: Watch | None
+    model: LevelModel, hierarchy: Hierarchy, method: str, writer: SharedWriter, progress: Watch | None
 ) -> None:
     """Marches one level from where its store ends to the last step. Collective.
 
     Parameters
     ----------
-    writer : LevelWriter
     progress : called as (level, steps, steps done)
     """
     level, done = model.level, writer.call("steps", model.level)
-    watcher: Progress | None = None
-    lasts = lambda record: None if watcher is None else watcher.lasts(record)
+    watcher: Progress = Calls()
     if done > model.steps:
         writer.call("set_level_state", level, "done")
         return
@@ -57,9 +40,10 @@ def run_level(
         lead = Lead(hierarchy, method, _coarse(model, integrator, writer))
         start = _start(model, lead, integrator, writer, done)
         writer.call("set_level_state", level, "running")
-        march = level_march(model, lead, integrator, start, show=lasts)
+        march = level_march(model, lead, integrator, start, show=lambda record: watcher.lasts(record))
         march = march if player is None else player.led(march)
-    watcher = progress(level, model.steps, start.step) if progress is not None else None
+    if progress is not None:
+        watcher = progress(level, model.steps, start.step)
     try:
         for report in march:
             if report.behind > 0.0 and model.obstacles:
@@ -68,19 +52,17 @@ def run_level(
                 moving = {i: o.stored(places[o]) for i, o in enumerate(model.obstacles) if o.moves}
                 writer.call("write_late", level, report.step, moving)
             writer.call("write_state", level, report.step, report.positions, report.record())
-            if watcher is not None:
-                watcher.step(report.record())
+            watcher.step(report.record())
         writer.call("set_level_state", level, "done")
     except (SimulationError, InputError) as error:  # a function of the scene may fail during the run
         with suppress(SimulationError):  # the disk may be full; the first error is the one to report
             writer.call("set_level_state", level, "failed", reason=str(error))
         raise
     finally:
-        if watcher is not None:
-            watcher.close()
+        watcher.close()
 
 
-def _start(model: LevelModel, lead: Lead, integrator: Integrator, writer: LevelWriter, done: int) -> Start:
+def _start(model: LevelModel, lead: Lead, integrator: Integrator, writer: SharedWriter, done: int) -> Start:
     """Where a level goes on that has `done` stored states; where it has none, the first one is stored."""
     level, step = model.level, done - 1
     if done == 0:
@@ -95,7 +77,7 @@ def _start(model: LevelModel, lead: Lead, integrator: Integrator, writer: LevelW
     return Start(step, past, record, earlier)
 
 
-def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> Coarse:
+def _coarse(model: LevelModel, integrator: Integrator, writer: SharedWriter) -> Coarse:
     """The pasts of the stored level below; the last three are kept, which a step asks for."""
     level, kept = model.level - 1, lru_cache(maxsize=8)  # one past looks at the states of six steps
     positions, record = kept(partial(writer.read, level, "positions")), kept(partial(writer.record, level))

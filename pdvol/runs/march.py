@@ -1,5 +1,6 @@
 """`pdvol.march`: a scene's levels step by step in memory, with terms and an integrator of the user's own."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -246,15 +247,8 @@ def levels_asked(levels: Any) -> tuple[int, int | None]:
     """First and last level, both included; the finest where the last one is None."""
     if levels is None:
         return 0, None
-    if isinstance(levels, str):
-        first, colon, last = levels.partition(":")
-        if not all(
-            word.strip().isdecimal() or (colon and not word.strip()) for word in ((first, last) if colon else (first,))
-        ):
-            raise InputError(f"levels = {levels!r} cannot be read; {LEVELS}")
-        if not colon:
-            return 0, int(first)
-        return int(first or 0), (int(last) if last.strip() else None)
+    if isinstance(levels, str) and (found := re.fullmatch(r"\s*(?:(\d*)\s*:)?\s*(\d*)\s*", levels)) and levels.strip():
+        return int(found[1] or 0), int(found[2]) if found[2] else None
     if isinstance(levels, range):
         if len(levels) == 0 or (levels.step != 1 and len(levels) > 1):
             raise InputError(f"levels = {levels!r} must be levels in a row; {LEVELS}")

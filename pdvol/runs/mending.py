@@ -18,6 +18,7 @@ VOLUME_FILES = (".vtu", ".vtk", ".mesh", ".msh")
 """What keeps all digits of coordinates; STL does not."""
 
 
+@cpu_budget()
 def mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) -> tuple[list[str], bool]:
     """Write the mended mesh, and judge it as `pdvol check` does.
 
@@ -36,11 +37,6 @@ def mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) 
         The file cannot be read or is beyond repair, or `out` cannot be written.
     """
     require_place(out.parent)
-    with cpu_budget():
-        return _mend_file(file, out, weld, hole, envelope)
-
-
-def _mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) -> tuple[list[str], bool]:
     with stage(f"reading {file}"):
         shape, lines = read_with_notes(file)
     kinds = VOLUME_FILES if isinstance(shape, Solid) else SURFACE_FILES

@@ -9,9 +9,6 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.level_check import level_defects
-from pdvol.levels.scene_fields import scene_diagonal
-from pdvol.meshing.build import build_levels
 from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.readers import read_with_notes
@@ -19,6 +16,7 @@ from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import drop_unused
 from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_of
 from pdvol.meshing.vtu import write_vtu
+from pdvol.runs.preparation import prepared_levels
 from pdvol.runs.run_summary import binding_lines
 from pdvol.scene import Body, NeoHookean, Scene
 from pdvol.stages import stage
@@ -57,16 +55,14 @@ def write_hierarchy(
         with stage(f"checking {name}"):
             shape, boundary, found = judge(read, name)
         scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
-        meshes, diagonal = build_levels(scene), scene_diagonal(scene)
-    for level in range(len(meshes)):
-        with stage(f"checking level {level}"):
-            for defect in level_defects(scene, meshes, level, (), diagonal):
-                raise defect.error
+        levels = prepared_levels(scene, scene.levels - 1)
+    if levels.refused is not None:
+        raise levels.refused
     make_folder(out)
-    hierarchy = Hierarchy(meshes, MPI.COMM_SELF, prolongation)
+    hierarchy = Hierarchy(levels.meshes, MPI.COMM_SELF, prolongation)
     points, facets = boundary_facets_of(boundary)
     lines = [f"note: {note}" for note in notes + [f"{name}: {note}" for note in found]]
-    for level, level_mesh in enumerate(meshes):
+    for level, level_mesh in enumerate(levels.meshes):
         homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
         with stage(f"measuring level {level}"):

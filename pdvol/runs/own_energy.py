@@ -19,7 +19,7 @@ from pdvol.geometry.crossings import find_crossings
 from pdvol.integrate.scripted_motion import LEAST_GAIN
 from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import placed_obstacles, read_geometry
-from pdvol.levels.script import Obstacle, Script
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
@@ -27,7 +27,7 @@ from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.runs.own_parts import GivenEnergy, held_points, longest_part, owned_rows
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
-from pdvol.scene.checks import finite, positive
+from pdvol.scene.checks import finite, instance, optional, positive
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import Stopwatch
@@ -89,19 +89,22 @@ class Contact:
         diagonal: float | None = None,
     ):
         barrier = Barrier() if barrier is None else barrier
-        self._check_kinds(barrier, friction, obstacles)
+        instance(Barrier)("Contact.barrier", barrier)
+        optional(instance(Friction))("Contact.friction", friction)
+        for obstacle in obstacles:
+            if not isinstance(obstacle, Plane | Rigid | Deforming):
+                raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
         if young is not None:
             positive("Contact.young", young)
         elif not isinstance(barrier.stiffness, Pascal):
             raise InputError("Contact needs young [Pa], or its stiffness in pascal: Barrier(stiffness=Pascal(1e4))")
         self.V, self._space = V, LevelSpace.of(V)
         mesh = self._space.mesh
+        count = int(mesh.bodies.max()) + 1
         if diagonal is None:
             of = mesh.point_bodies[mesh.boundary[:, 0]]
-            parts = (mesh.boundary[of == part] for part in range(int(mesh.bodies.max()) + 1))
-            diagonal = min(gyration_diagonal(mesh.points, facets) for facets in parts)
+            diagonal = min(gyration_diagonal(mesh.points, mesh.boundary[of == part]) for part in range(count))
         positive("Contact.diagonal", diagonal)
-        count = int(mesh.bodies.max()) + 1
         self.bodies = ("body",) if count == 1 else tuple(f"body {number}" for number in range(1, count + 1))
         self._rest = self._space.from_input(mesh.points)
         self._at: Positions | None = None
@@ -111,36 +114,20 @@ class Contact:
         self._matrix: Any = SystemMatrix(self._space, nobody)
         geometry = on_root(V.mesh.comm, lambda: read_geometry(obstacles))
         contact = (barrier,) if friction is None else (barrier, friction)
-        self._make_terms(contact, placed_obstacles(obstacles, geometry), diagonal, float(young or 0.0))
-
-    @staticmethod
-    def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Obstructing]) -> None:
-        if not isinstance(barrier, Barrier):
-            raise InputError(f"Contact.barrier must be a Barrier, not {type(barrier).__name__}")
-        if not (friction is None or isinstance(friction, Friction)):
-            raise InputError(f"Contact.friction must be a Friction, not {type(friction).__name__}")
-        for obstacle in obstacles:
-            if not isinstance(obstacle, Plane | Rigid | Deforming):
-                raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
-
-    def _make_terms(
-        self, contact: Sequence[Barrier | Friction], obstacles: tuple[Obstacle, ...], diagonal: float, young: float
-    ) -> None:
-        for obstacle in obstacles:
-            if obstacle.vertices.shape[1] != self._space.dim:
-                dim, given = self._space.dim, obstacle.vertices.shape[1]
-                raise InputError(f"obstacle {obstacle.name!r} is {given}D, the mesh is {dim}D")
-        names = [*self.bodies, *(obstacle.name for obstacle in obstacles)]
-        triples = [triple for part in contact if isinstance(part, Friction) for triple in part.triples]
+        self._obstacles = placed_obstacles(obstacles, geometry)
+        for placed in self._obstacles:
+            if (given := placed.vertices.shape[1]) != self._space.dim:
+                raise InputError(f"obstacle {placed.name!r} is {given}D, the mesh is {self._space.dim}D")
+        names = [*self.bodies, *(placed.name for placed in self._obstacles)]
+        triples = () if friction is None else friction.triples
         unknown = {name for one, other, _ in triples for name in (one, other)} - {*names}
         if unknown:
             raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {names}")
-        models = contact_models(contact, self.bodies, obstacles, diagonal, young)
+        models = contact_models(contact, self.bodies, self._obstacles, diagonal, float(young or 0.0))
         self.dhat, self.kappa = models[0].dhat, models[0].kappa
-        contacts, frictions = contact_terms(models, obstacles, self._space)
+        contacts, frictions = contact_terms(models, self._obstacles, self._space)
         self._barrier = contacts[0]
         self._terms = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions)
-        self._obstacles = obstacles
         self._potential = IncrementalPotential(self._space, self._terms, Stopwatch())
 
     def __repr__(self) -> str:
@@ -299,8 +286,7 @@ class Contact:
 
     def count(self, u: Displacement) -> int:
         """How many pairs are nearer than dhat."""
-        x = self._started(u)
-        return self._barrier.count(x)
+        return self._barrier.count(self._started(u))
 
     def intersections(self, u: Displacement) -> int:
         """How many edges cross edges (2D) or triangles (3D), and how many vertices lie behind planes.

@@ -105,7 +105,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         result["stiffness_ratio"] = float(young.max() / young.min())
     with suppress(InputError):
         result["supports"] = [_held(scene, support, meshes) for support in scene.supports]
-    notes += [f"note: {line}" for line in _support_notes(result["supports"])]
+    notes += _support_notes(result["supports"])
     defects = []
     for level, mesh in enumerate(meshes):
         with stage(f"checking level {level}"):

@@ -2,12 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, TextIO
+from typing import TextIO
 
-from mpi4py import MPI
 from tqdm import tqdm
 
-from pdvol.parallel import on_root
 from pdvol.runs.notebook_text import progress_stream
 from pdvol.runs.stage_lines import SO_FAR, duration, real_time
 
@@ -21,6 +19,10 @@ LABELS = (
 BAR = ("newton", "contacts")  # what a bar shows of a finished step, for want of space
 
 
+Call = Callable[[Mapping], object]
+"""Of a record of the log."""
+
+
 class Progress:
     """Progress of one level.
 
@@ -29,13 +31,13 @@ class Progress:
     level : int
     total : int
         Steps of the whole level.
-    stream : text stream
-        `progress_stream()` when None.
     done : int
         Steps that were stored before, of a resumed level.
+    stream : text stream
+        `progress_stream()` when None.
     """
 
-    def __init__(self, level: int, total: int, stream: TextIO | None = None, done: int = 0):
+    def __init__(self, level: int, total: int, done: int = 0, stream: TextIO | None = None):
         self.level, self.total = level, total
         self.stream = progress_stream() if stream is None else stream
         self._bar: tqdm | None = None
@@ -84,20 +86,16 @@ class Progress:
 
 
 class Calls(Progress):
-    """Calls a user's function with the log record of each finished step. Made and used by all ranks; rank 0 calls."""
+    """Calls functions with the log's record of each finished step, and with what it is so far of one that lasts."""
 
-    def __init__(self, function: Callable[[dict], Any], comm: MPI.Comm):
-        self._function, self._comm = function, comm
+    def __init__(self, step: Call = lambda record: None, lasts: Call = lambda record: None):
+        self._step, self._lasts = step, lasts
 
     def step(self, record: Mapping) -> None:
-        """Calls the function on rank 0. Collective."""
-        on_root(self._comm, lambda: self._call(dict(record)))
-
-    def _call(self, record: dict) -> None:
-        self._function(record)
+        self._step(record)
 
     def lasts(self, record: Mapping) -> None:
-        """Does nothing: the function gets finished steps."""
+        self._lasts(record)
 
     def close(self) -> None:
         """Does nothing."""

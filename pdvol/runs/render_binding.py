@@ -17,6 +17,7 @@ its points alone. The others carry the level to its own cells cut into eight, wh
 biharmonic coordinates are, in this way, those of Wang et al. (2015) with the level's vertices as handles.
 """
 
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -36,13 +37,6 @@ OF_POINTS = ("barycentric", "phong")
 """Interpolants that need nothing of what they carry but its points."""
 MOST_HALVED = 60_000
 """Vertices of a level's cells cut into eight, up to which biharmonic coordinates take minutes and some GB."""
-
-
-class _Points:
-    """What interpolants of points see of a surface, in place of a `LevelSpace`."""
-
-    def __init__(self, mesh: LevelMesh):
-        self.mesh = mesh
 
 
 def render_weights(
@@ -88,7 +82,8 @@ def _interpolated(
     """The interpolant's weights at points of the body itself."""
     carry = INTERPOLANTS[interpolant]
     if interpolant in OF_POINTS:
-        return sp.csr_matrix(carry(source, cast(LevelSpace, _Points(places)), binding))
+        points_alone = cast(LevelSpace, SimpleNamespace(mesh=places))  # all that they see of a surface
+        return sp.csr_matrix(carry(source, points_alone, binding))
     between = LevelSpace(halved_cells(source.mesh), MPI.COMM_SELF)
     if len(between.mesh.points) > MOST_HALVED:
         raise InputError(

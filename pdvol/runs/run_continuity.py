@@ -1,18 +1,18 @@
 """Continuity of a stored level: the forces that its scene has at stored states, and the x_hat of each step."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from pdvol.integrate.feedback import level_feedback
-from pdvol.integrate.integrator import Past
 from pdvol.integrate.marches import guide, led, mean_of_forces
-from pdvol.integrate.replay import Lateness, Replay
+from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import LevelModel, hierarchy_model
+from pdvol.levels.model import hierarchy_model
 from pdvol.levels.script import Obstacle
 from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
+from pdvol.potentials.potential import Positions
 from pdvol.runs.stored_fields import stored_lead, stored_past
 from pdvol.scene import Scene
 from pdvol.stages import say
@@ -20,45 +20,6 @@ from pdvol.store.reader import Run, RunLevel
 
 # By method: the level whose states predict the positions x_hat of a level above 0.
 PREDICTED_WITH = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}
-
-
-class Forces:
-    """The forces of one level of a scene at stored positions, on this rank alone.
-
-    Attributes
-    ----------
-    free : (n,) bool
-        Vertices that no support holds.
-    """
-
-    def __init__(self, model: LevelModel, hierarchy: Hierarchy, guides: Sequence[Guide] = ()):
-        self.free = model.free
-        self._replay = Replay(model, hierarchy[model.level], guides)
-        self.integrator = self._replay.integrator
-
-    def pull(
-        self,
-        number: int,
-        past: Past,
-        after: np.ndarray,
-        memory: Mapping | None = None,
-        late: Callable[[int], Lateness] = lambda step: (0.0, {}),
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """M^-1 grad F(after) [m/s^2], shape (n, d), in the step `number` (from 1) that begins at the end of `past`; and
-        the guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
-
-        Friction is lagged at the step's start, as the first of its iterations is; `memory` is what the step before has
-        left to the terms, `late` how late obstacles were at the ends of steps.
-        """
-        replay = self._replay
-        end = replay.put(number, past, after, memory=memory, late=late)
-        if not np.isfinite(sum(term.value(end) for term in replay.terms)):
-            return np.full_like(after, np.nan), np.full_like(after, np.nan)
-        pulls = []
-        for guided in (False, True):
-            force = replay.force(end, (term for term in replay.terms if isinstance(term, Consistency) == guided))
-            pulls.append(replay.space.to_input(-force / replay.mass))
-        return pulls[0], pulls[1]
 
 
 def continuity_of_level(
@@ -75,13 +36,12 @@ def continuity_of_level(
         guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
     model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
     feedback = level_feedback(model, hierarchy, method, below.positions) if level.index else ()
-    forces = Forces(model, hierarchy, guides)
-    integrator, late = forces.integrator, lambda step: (level.behind(step), level.late(step))
+    replay = Replay(model, hierarchy[level.index], guides)
+    integrator = replay.integrator
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
-    special |= {
-        r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
-    }  # these steps start from obstacles that were held back
-    values, errors, masses = [], [], np.where(forces.free, masses, 0.0)
+    # These steps start from obstacles that were held back.
+    special |= {r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0}
+    values, errors, masses = [], [], np.where(model.free, masses, 0.0)
     memories = {r["step"]: r["terms"] for r in level.log if r.get("terms")}
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):
@@ -92,7 +52,8 @@ def continuity_of_level(
             continue
         past, after = stored_past(run, integrator, number - 1, model), level.positions(number)
         own, weight = integrator.predict(past, run.dt), integrator.weight(past, run.dt)
-        pull, guided = (weight * each for each in forces.pull(number, past, after, memories.get(number - 1), late))
+        end = replay.put(number, past, after, memories.get(number - 1), level.lateness)
+        pull, guided = (weight * each for each in _pulls(replay, end))
         errors.append((run.dt**2 / weight) ** 2 * metrics.continuity_error(own, after, pull, masses))
         if taken == "none" or number in special:
             values.append(float("nan"))
@@ -106,6 +67,15 @@ def continuity_of_level(
         pushes = (each.push(number - 1, now) for each in feedback)
         values.append(metrics.continuity(own, sum(pushes, start=predicted), after, pull, masses, guided))
     return {"continuity": values, "continuity_error": errors}
+
+
+def _pulls(replay: Replay, end: Positions) -> list[np.ndarray]:
+    """M^-1 grad F [m/s^2], shape (n, d), of terms that were put to these positions; and the guides' part of it, which F
+    does not contain. NaN where the positions are not admissible (inverted cells).
+    """
+    unknown = 0.0 if np.isfinite(sum(term.value(end) for term in replay.terms)) else np.nan
+    parts = ([term for term in replay.terms if isinstance(term, Consistency) == guided] for guided in (False, True))
+    return [replay.space.to_input(unknown - replay.force(end, terms) / replay.mass) for terms in parts]
 
 
 def three_states(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

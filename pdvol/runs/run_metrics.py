@@ -1,6 +1,5 @@
 """The measures of `pdvol.measure.metrics` for a stored run, with forces from its scene and P from its meshes."""
 
-from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -62,7 +61,8 @@ def measure_run(path: str | Path) -> dict:
             entry["jitter"] = [
                 metrics.jitter(*three_states(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
             ]
-            entry["roughness"] = _roughness(level, masses)
+            around = ([level.positions(n + k) for k in range(-2, 3)] for n in range(2, level.steps - 2))
+            entry["roughness"] = [metrics.roughness(five, masses) for five in around]
             if level.index and run.levels[level.index - 1].steps:
                 below = run.levels[level.index - 1]
                 below_masses = lumped_masses(below.mesh, densities[below.index])
@@ -180,7 +180,13 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
         say(f"level {level.index}")
         masses, theirs = (lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True))
         entry: dict[str, Any] = {"level": level.index, "steps": states - 1}
-        entry["centre_error"] = _centre_errors(level, its, masses, theirs, states)
+        weight = np.bincount(level.mesh.point_bodies, masses)
+        centres = (
+            np.array([mass_centres(x.positions(n), m, x.mesh.point_bodies) for n in range(states)])
+            for x, m in ((level, masses), (its, theirs))
+        )
+        moved = zip(*(places - places[0] for places in centres), strict=True)
+        entry["centre_error"] = [metrics.centre_error(a, b, weight) for a, b in moved]
         if level.rest.shape == its.rest.shape and np.array_equal(level.rest, its.rest):
             entry["distance"] = [metrics.distance(level.positions(n), its.positions(n), masses) for n in range(states)]
         found.append(entry | {"summary": _summaries(entry)})
@@ -199,16 +205,6 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]
     if any(c.iterations > 1 for c in scene.contact if isinstance(c, Friction)):
         notes.append("continuity lags friction once a step; the run did so several times")
     return scene, obstacles
-
-
-def _roughness(level: RunLevel, masses: np.ndarray) -> list[float]:
-    """[m] around each state that has two before and two after it."""
-    five, found = deque[np.ndarray](maxlen=5), []
-    for n in range(level.steps):
-        five.append(level.positions(n))
-        if len(five) == five.maxlen:
-            found.append(metrics.roughness(list(five), masses))
-    return found
 
 
 def _between_levels(
@@ -251,16 +247,6 @@ def _drift_of_bodies(
     return drift(
         *(rigid_motions(level.rest, x, masses, level.mesh.point_bodies) for x in (level.positions(step), lifted))
     )
-
-
-def _centre_errors(
-    level: RunLevel, other: RunLevel, masses: np.ndarray, other_masses: np.ndarray, states: int
-) -> list[float]:
-    bodies = level.mesh.point_bodies
-    centres = np.array([mass_centres(level.positions(n), masses, bodies) for n in range(states)])
-    theirs = np.array([mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)])
-    weight = np.bincount(bodies, masses)
-    return [metrics.centre_error(a - centres[0], b - theirs[0], weight) for a, b in zip(centres, theirs, strict=True)]
 
 
 def _summaries(entry: dict) -> dict:

@@ -57,17 +57,14 @@ def binding_lines(hierarchy: "Hierarchy") -> list[str]:
     """One line for each level but the coarsest: how its vertices are bound to the level below, and the size of the
     weights. Collective.
     """
-    return [_binding_line(hierarchy, level) for level in range(1, len(hierarchy))]
-
-
-def _binding_line(hierarchy: "Hierarchy", level: int) -> str:
-    r = hierarchy.prolongation(level).report()
-    return (
+    reports = {level: hierarchy.prolongation(level).report() for level in range(1, len(hierarchy))}
+    return [
         f"levels {level - 1} -> {level}: {r['inside']:,} bound inside, {r['ray']:,} by ray, {r['neighbour']:,} by"
         f" neighbour, {r['islands']:,} on islands, {r['orphans']:,} orphans; {r['weights_per_point']:.3g} weights a"
         f" vertex, largest |weight| {r['largest_weight']:.3g}, ||P||_F {r['frobenius_norm']:.4g} (sqrt m ="
         f" {r['sqrt_points']:.4g}), ||P||_2 {r['two_norm']:.3g}"
-    )
+        for level, r in reports.items()
+    ]
 
 
 def solver_lines(run: Run) -> list[str]:

@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from pdvol.compiled import build_beside
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles, stored_obstacles
@@ -29,7 +28,7 @@ from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.preparation import Prepared, prepared_levels
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
-from pdvol.runs.scene_file import Shot, both_described, kept_value, stored_file, stored_shot, with_hand
+from pdvol.runs.scene_file import Shot, both_described, stored_file, stored_shot, with_hand
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
 from pdvol.scene import Hand, Scene
@@ -37,9 +36,11 @@ from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.scene.hand import same_up_to
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
-from pdvol.store.files import jsonable, require_place
+from pdvol.store.files import jsonable
 from pdvol.store.folder import RECORD, holds_run, in_use, read_info, require_free, require_scene
+from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import Run, open_run
+from pdvol.store.render_meshes import write_render_meshes
 from pdvol.store.writer import RunWriter
 
 LIBRARIES: tuple[str, ...] = ("pdvol", "fenics-dolfinx", "dolfinx-solver-real", "petsc4py", "ipctk", "numpy", "scipy")
@@ -131,32 +132,41 @@ def run_scene(
         raise levels.refused
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, how.replace))
+    alone = comm.size > 1 or shot.file is None
+
+    def ranks_of(level: int) -> int:
+        """For what is left of a level; 1 where nothing is."""
+        done, wanted = writer.call("steps", level), ranks if level or scene.played is None else 1
+        if alone or done > scene.steps:
+            return 1
+        before = int(writer.record(level, done - 1).get("ranks", 0))
+        return chosen_ranks(len(levels.meshes[level].points), wanted, before)
+
     with exported(comm, out, scene, obstacles, how.done) if how.xdmf else nullcontext():
         try:
-            alone = comm.size > 1 or shot.file is None
             if wavefront is None and not alone:
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
-            wanted = lambda level: ranks if level or scene.played is None else 1
-            ranks_of = lambda level: _ranks_of(level, levels.meshes[level], scene.steps, writer, wanted(level))
-            if wavefront:
-                if _in_processes(writer, {level: ranks_of(level) for level in marched}, ranks, how.progress):
-                    marched = range(0)
-                else:
-                    ranks = 1
             hierarchy = None
-            for level in marched:
-                count = 1 if alone else ranks_of(level)
-                if count > 1:
-                    if _in_processes(writer, {level: count}, ranks, how.progress):
+            for together in [marched] if wavefront else [[level] for level in marched]:
+                counts = {level: ranks_of(level) for level in together}
+                if wavefront or max(counts.values()) > 1:
+                    try:
+                        march_levels(writer, counts, how.progress)
                         continue
-                    ranks = 1
+                    except NoRanks as error:
+                        if ranks is not None:  # pdvol's own choice must not end a run that this process can do
+                            raise
+                        ranks = 1
+                        if how.progress is not None:
+                            print(f"note: {error}; it goes on with one", file=sys.stderr)
                 if hierarchy is None:
                     with stage("numbering the levels"):
                         hierarchy = Hierarchy(levels.meshes, comm, prolongation)
-                with stage(f"evaluating the scene on level {level}"):
-                    model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
-                run_level(model, hierarchy, method, writer, how.progress)
+                for level in together:
+                    with stage(f"evaluating the scene on level {level}"):
+                        model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
+                    run_level(model, hierarchy, method, writer, how.progress)
         finally:
             if scene.played is not None:
                 _end_take(writer, scene.played)
@@ -168,7 +178,8 @@ def run_scene(
 
 def refine_run(out: str | Path, last: int, how: Execution = USUAL) -> Path:
     """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser ones are kept. Collective."""
-    info = on_root(how.comm, lambda: _scene_info(out))
+    info = on_root(how.comm, lambda: open_run(out).info)
+    require_scene(Path(out), info)
     try:
         file = stored_file(info)
     except InputError as error:
@@ -190,35 +201,6 @@ def _end_take(writer: SharedWriter, hand: Hand) -> None:
         writer.call("set_level_state", 0, "done")
 
 
-def _in_processes(writer: SharedWriter, counts: dict[int, int], wanted: int | None, progress: Watch | None) -> bool:
-    """Marches levels with these numbers of ranks in processes of their own. Returns whether these started: a choice of
-    pdvol's own, where no number is `wanted`, must not end a run that this process can do.
-    """
-    try:
-        march_levels(writer, counts, progress)
-    except NoRanks as error:
-        if wanted is not None:
-            raise
-        if progress is not None:
-            print(f"note: {error}; it goes on with one", file=sys.stderr)
-        return False
-    return True
-
-
-def _ranks_of(level: int, mesh: LevelMesh, steps: int, writer: SharedWriter, wanted: int | None) -> int:
-    """The number of ranks for what is left of a level; 1 where nothing is."""
-    done = writer.call("steps", level)
-    if done > steps:
-        return 1
-    return chosen_ranks(len(mesh.points), wanted, int(writer.record(level, done - 1).get("ranks", 0)))
-
-
-def _scene_info(out: str | Path) -> dict:
-    info = open_run(out).info
-    require_scene(Path(out), info)
-    return info
-
-
 def check_choices(scene: Scene, first: int, last: int, method: str, prolongation: str) -> None:
     """InputError unless levels `first` to `last` can be marched by these names."""
     if method not in METHODS:
@@ -233,10 +215,7 @@ def check_choices(scene: Scene, first: int, last: int, method: str, prolongation
 
 def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool, replace: bool) -> None:
     exists = holds_run(out)
-    if exists:
-        require_place(out)
-    else:
-        require_free(out)
+    require_free(out, exists)
     if exists and replace:
         count = len(read_info(out)["levels"])
         if count > 1:
@@ -321,19 +300,16 @@ def _open_writer(
         writer.keep_levels(kept)
         for level in range(len(writer.info["levels"]), len(meshes)):
             writer.add_level(meshes[level], velocities[level])
-        description = shot.description()
-        changed: dict[str, Any] = {}
-        if shot.file is not None or writer.info["description"] != jsonable(description):
-            # the same scene from memory keeps the stored path and its settings, by which it can be made again
-            changed = {"parameters": kept_value(shot.parameters), "scene_file": _file(shot)}
+        # The same scene from memory keeps the stored path and its settings, by which it can be made again.
+        same = shot.file is None and writer.info["description"] == jsonable(shot.description())
+        changed: dict[str, Any] = {} if same else shot.kept()
         solvers = [*writer.info.get("solvers", []), _solver(scene, writer)]
         if len(solvers) == 1 or solvers[-2]["settings"] != solvers[-1]["settings"]:
             changed["solvers"] = solvers
-        writer.update_info(steps=scene.steps, description=description, **changed)
+        writer.update_info(steps=scene.steps, **changed)
     else:
         info = {"scene": shot.name, "dt": scene.dt, "steps": scene.steps, "method": method}
-        info |= {"prolongation": prolongation, "scene_file": _file(shot), "parameters": kept_value(shot.parameters)}
-        info |= {"description": shot.description(), "diagonal": levels.diagonal}
+        info |= {"prolongation": prolongation, **shot.kept(), "diagonal": levels.diagonal}
         info |= {"versions": {"python": platform.python_version(), **installed(LIBRARIES)}}
         info |= {key: value for key, value in (("up", way_up(scene, meshes[0].dim)), ("mended", mended)) if value}
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities, replace)
@@ -344,8 +320,8 @@ def _open_writer(
             scene.hand.keep(max(0, writer.steps(0) - 1))
         elif scene.hand.file.resolve() != (out / RECORD).resolve():
             shutil.copyfile(scene.hand.file, out / RECORD)
-    writer.write_obstacles(drawn)
-    writer.write_render_meshes(rendered)
+    write_obstacles(out, drawn)
+    write_render_meshes(out, rendered)
     return writer
 
 
@@ -353,8 +329,3 @@ def _solver(scene: Scene, writer: RunWriter) -> dict:
     """The solver's settings with the steps from which on they hold, one for each level, as JSON."""
     begin = [max(writer.steps(level), 1) for level in range(len(writer.info["levels"]))]
     return jsonable({"from": begin, "settings": describe(scene.solver)})
-
-
-def _file(shot: Shot) -> str:
-    """The scene file's path, empty for a scene made in memory."""
-    return "" if shot.file is None else str(shot.file)

@@ -64,6 +64,11 @@ class Shot:
         left_out = ("steps", "solver", "name", *(key for key, value in DEFAULTS.items() if found.get(key) == value))
         return {key: value for key, value in {**found, "bodies": bodies}.items() if key not in left_out}
 
+    def kept(self) -> dict:
+        """Its entries in `run.json`; the scene file's path is empty for a scene made in memory."""
+        file, parameters = "" if self.file is None else str(self.file), kept_value(self.parameters)
+        return {"scene_file": file, "parameters": parameters, "description": self.description()}
+
 
 def parse_settings(words: Sequence[str]) -> dict:
     """`["mu=0.3", "surface=cow.obj"]` as a dictionary of values."""
@@ -160,9 +165,7 @@ def load_shot(
     file, settings = Path(file), dict(settings or {})
     make = _scene_function(file, trusted)
     allow(file, settings, trusted)
-    accepted, general, anything = _names(make)
-    check_names(file, settings, make)
-    given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
+    given = {name: settings[name] for name in check_names(file, settings, make)}
     try:
         with files_beside(file):
             scene = make(**given)
@@ -194,22 +197,19 @@ def scene_parameters(file: str | Path) -> dict[str, inspect.Parameter]:
     return {name: parameter for name, parameter in signature.parameters.items() if parameter.kind in kinds}
 
 
-def check_names(file: Path, names: Iterable[str], make: Callable[..., Scene] | None = None) -> None:
-    """InputError unless a scene file's `scene`, or `make`, has parameters of these names, or every scene has them."""
-    accepted, general, anything = _names(make or _scene_function(file))
-    for name in names:
-        if name not in accepted and name not in general and not anything:
+def check_names(file: Path, names: Iterable[str], make: Callable[..., Scene] | None = None) -> list[str]:
+    """Names that are no settings of every scene: a scene file's `scene`, or `make`, takes them, or InputError."""
+    parameters = inspect.signature(make or _scene_function(file)).parameters
+    anything = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    general = SETTINGS.keys() - set(parameters)
+    own = [name for name in names if name not in general]
+    for name in own:
+        if name not in parameters and not anything:
             raise InputError(
-                f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
+                f"{file.name} has no parameter {name!r}; there are {', '.join(parameters)} and every scene's "
                 f"{', '.join(sorted(general))}"
             )
-
-
-def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
-    """The parameters of a scene function, the settings of every scene beside them, and whether it takes any name."""
-    parameters = inspect.signature(make).parameters
-    anything = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
-    return list(parameters), SETTINGS.keys() - set(parameters), anything
+    return own
 
 
 def _scene_function(file: Path, trusted: bool = True) -> Callable[..., Scene]:

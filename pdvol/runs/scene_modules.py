@@ -15,6 +15,7 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
+from pdvol.processes import Beside
 from pdvol.runs.known_scenes import allow
 
 
@@ -37,7 +38,7 @@ class _Folder:
         _Folder.current = self
         self._before = self._before or set(sys.modules)
         self._added = self.path not in sys.path
-        sys.path += [self.path] * self._added
+        sys.path += [Beside(self.path)] * self._added
         sys.path_importer_cache.pop(self.path, None)
         sys.modules.update(self._modules)
 

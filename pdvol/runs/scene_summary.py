@@ -104,10 +104,10 @@ def _contact(scene: Scene, diagonal: float) -> list[str]:
     lines = []
     for c in scene.contact:
         if isinstance(c, Barrier):
-            known = _youngs(scene)
-            all_known = len(known) == sum(1 + len(b.regions) for b in scene.bodies)
+            materials = [m for b in scene.bodies for m in (b.material, *(region.material for region in b.regions))]
+            known = [m.young for m in materials if not callable(m.young)]
             kappa = f"{c.stiffness:g} of the softest cell's Young's modulus"
-            if all_known or isinstance(c.stiffness, Pascal):
+            if len(known) == len(materials) or isinstance(c.stiffness, Pascal):
                 kappa = f"{c.kappa(min(known, default=0.0)):.3g} Pa"
             lines.append(f"contact: area-weighted barrier, stiffness {kappa}, dhat {metres(c.dhat, diagonal):.3g} m")
         elif isinstance(c, Friction):
@@ -166,12 +166,6 @@ def _is_plane(scene: Scene) -> bool:
     shape = scene.bodies[0].shape
     shape = read_shape(shape[0] if isinstance(shape, (tuple, list)) else shape)
     return isinstance(shape, Outline) or shape.vertices.shape[1] == 2
-
-
-def _youngs(scene: Scene) -> list[float]:
-    """Young's moduli that are numbers."""
-    materials = [m for body in scene.bodies for m in (body.material, *(region.material for region in body.regions))]
-    return [m.young for m in materials if not callable(m.young)]
 
 
 def _named(motion: Motion | PointCache) -> str:

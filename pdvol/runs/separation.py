@@ -7,7 +7,6 @@ stay.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -24,9 +23,7 @@ STEPS = {"move": 0.01, "shrink": 0.02, "refine": 0.1}
 """One step of a change: a fraction of the body's diagonal, of its size, of the level's vertices."""
 
 
-def build_apart(
-    scene: Scene, count: int, obstacles: Sequence[Obstacle], cache: Path | None = None
-) -> tuple[tuple[LevelMesh, ...], list[str]]:
+def build_apart(scene: Scene, count: int, obstacles: Sequence[Obstacle]) -> tuple[tuple[LevelMesh, ...], list[str]]:
     """The first `count` levels of a scene, as `build_levels`, with its bodies set apart as its `separate` allows; and a
     line of text for each change.
 
@@ -38,8 +35,8 @@ def build_apart(
         Bodies still meet after all changes that are allowed.
     """
     if not scene.separate or not scene.contact:
-        return build_levels(scene, count, cache), []
-    bodies = _Arrangement(scene, count, cache)
+        return build_levels(scene, count), []
+    bodies = _Arrangement(scene, count)
     error = bodies.first_intersection(obstacles)
     for remedy in scene.separate:
         # Every change is one step of some body, and all steps of a body stay below the limit.
@@ -56,8 +53,8 @@ class _Arrangement:
     and the vertices of each level.
     """
 
-    def __init__(self, scene: Scene, count: int, cache: Path | None):
-        self.scene, self._wanted, self._count, self._cache = scene, scene, count, cache
+    def __init__(self, scene: Scene, count: int):
+        self.scene, self._wanted, self._count = scene, scene, count
         self._meshes = self._built()
         finest, count = self._meshes[-1], len(scene.bodies)
         boxes = [finest.points[finest.point_bodies == b] for b in range(count)]
@@ -67,11 +64,11 @@ class _Arrangement:
 
     def _built(self) -> tuple[LevelMesh, ...]:
         try:
-            return build_levels(self._wanted, None, self._cache)
+            return build_levels(self._wanted)
         except LevelError as error:
             if error.level < self._count:
                 raise
-            return build_levels(self._wanted, error.level, self._cache)
+            return build_levels(self._wanted, error.level)
 
     def levels(self) -> tuple[LevelMesh, ...]:
         """The meshes with every body in its place."""

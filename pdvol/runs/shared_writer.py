@@ -14,7 +14,9 @@ from pdvol.store.writer import RunWriter
 
 
 class SharedWriter:
-    """The run's writer on rank 0. All ranks call it together, and its errors are raised on all of them."""
+    """The run's writer on rank 0. All ranks call it together, and its errors are raised on all of them; `call("steps",
+    level)` gives the number of stored states.
+    """
 
     def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter]):
         self.comm = comm
@@ -40,7 +42,7 @@ class SharedWriter:
         return on_root(self.comm, lambda: getattr(self._writer, name)(*arguments, **details))
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
-        """`positions` or `velocities` of a stored state, on every rank."""
+        """`positions` or `velocities` (n, d) of a stored state, on every rank."""
         return on_root(self.comm, lambda: getattr(self._run.levels[level], what)(step))
 
     def record(self, level: int, step: int) -> dict:

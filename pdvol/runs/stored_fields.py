@@ -54,8 +54,7 @@ class SceneFields:
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
         past = stored_past(self._run, self._replay.integrator, max(step - 1, 0), self._model)
-        late = lambda step: (self.level.behind(step), self.level.late(step))
-        x = self._replay.put(step, past, self.level.positions(step), late=late)
+        x = self._replay.put(step, past, self.level.positions(step), late=self.level.lateness)
         return self._replay.space.to_input(self._replay.force(x, self._replay.contacts))
 
     def von_mises(self, step: int) -> np.ndarray:

@@ -46,6 +46,12 @@ class DrawnObstacle:
         if missing:
             raise InputError(f"obstacle {self.name!r}: a {self.kind} needs the arrays {missing}")
 
+    @classmethod
+    def of(cls, entry: Mapping) -> "DrawnObstacle":
+        """Of a mapping with `name`, `kind` and the arrays."""
+        arrays = {key: np.asarray(value) for key, value in entry.items() if key not in ("name", "kind")}
+        return cls(str(entry["name"]), str(entry["kind"]), arrays)
+
     def plane(self, step: int) -> tuple[np.ndarray, np.ndarray]:
         """A plane's point (d,) [m] and unit normal (d,) at a step; after the last stored step it rests."""
         point, normal = (_at(self.arrays[key], step, moves=self.arrays[key].ndim == 2) for key in ("point", "normal"))
@@ -74,10 +80,7 @@ def write_obstacles(folder: Path, obstacles: Sequence[Mapping]) -> None:
     InputError
         When a kind is unknown or an array is missing; nothing is written then.
     """
-    drawn = []
-    for entry in obstacles:
-        arrays = {key: np.asarray(value) for key, value in entry.items() if key not in ("name", "kind")}
-        drawn.append(DrawnObstacle(str(entry["name"]), str(entry["kind"]), arrays))
+    drawn = [DrawnObstacle.of(entry) for entry in obstacles]
     write_list(folder, "obstacles", [{"name": o.name, "kind": o.kind} for o in drawn], [o.arrays for o in drawn])
 
 

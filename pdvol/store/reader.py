@@ -196,13 +196,12 @@ class RunLevel:
         """W (n, vertices of the level): positions of a render mesh of the run are W x, its velocities W v."""
         return self._weights(mesh.index, len(self.rest))
 
-    def behind(self, step: int) -> float:
-        """[s] how far motions were behind at the end of a step, at most."""
-        return self.record(step).get("behind", 0.0)
-
-    def late(self, step: int) -> dict[str, float]:
-        """[s] the same of each motion that was behind, by its name in the log, where not all were as far behind."""
-        return self.record(step).get("late", {})
+    def lateness(self, step: int) -> tuple[float, dict[str, float]]:
+        """[s] how far motions were behind at the end of a step, at most; and where not all were as far, each one that
+        was behind, by its name in the log.
+        """
+        record = self.record(step)
+        return record.get("behind", 0.0), record.get("late", {})
 
     @property
     def log(self) -> list[dict]:
@@ -220,11 +219,7 @@ def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:
 
 
 class Run:
-    """A stored run.
-
-    Parameters
-    ----------
-    path : folder written by `RunWriter`
+    """A stored run, as `open_run` gives it.
 
     Attributes
     ----------
@@ -232,11 +227,6 @@ class Run:
     info : dict
         `run.json`: scene, dt [s], steps, method, parameters, versions, bodies, levels, state.
     levels : sequence of RunLevel
-
-    Raises
-    ------
-    InputError
-        When the folder is no run, was never completed at its creation, or has another format.
     """
 
     def __init__(self, path: str | Path):

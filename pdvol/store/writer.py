@@ -13,8 +13,6 @@ import numpy as np
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store import obstacles as stored_obstacles
-from pdvol.store import render_meshes as stored_render
 from pdvol.store.files import TEMPORARY, append, jsonable, sync_file, write_array, write_arrays, write_json
 from pdvol.store.folder import (
     LEVEL_STATES,
@@ -160,8 +158,7 @@ class RunWriter:
     def write_state(self, level: int, step: int, positions: np.ndarray, record: Mapping | None = None) -> None:
         """Store the positions (n, d) [m] at the end of a step, and its log record just before them.
 
-        The state is the commit: a record without its state is dropped when the run is opened again. To replace states,
-        `rewind` first.
+        The state is the commit: a record without its state is dropped when the run is opened again.
 
         Raises
         ------
@@ -179,7 +176,7 @@ class RunWriter:
         if step != self._count[level]:
             raise ValueError(f"level {level}: the next state to store is that of step {self._count[level]}, not {step}")
         if record is not None:
-            self.append_log({"level": level, "step": step, **record})
+            append(self.path / "log.jsonl", log_line({"level": level, "step": step, **record}))
         self._states[level].write(step, x)
         self._count[level] = step + 1
 
@@ -189,13 +186,6 @@ class RunWriter:
         """
         arrays = {f"{i}.{key}": value for i, entry in places.items() for key, value in entry.items()}
         write_arrays(late_file(level_folder(self.path, level), step), **arrays)
-
-    def rewind(self, level: int, steps: int) -> None:
-        """Keep the first `steps` states of a level and their log records, and remove the later ones."""
-        self._count[level] = min(self._count[level], steps)
-        self._states[level].keep(steps)
-        keep_late(level_folder(self.path, level), steps)
-        self._keep_log()
 
     def keep_levels(self, count: int) -> None:
         """Remove all levels but the `count` coarsest, with their states, records and exports."""
@@ -211,10 +201,6 @@ class RunWriter:
                 export.unlink()
         self._keep_log()
 
-    def append_log(self, record: Mapping) -> None:
-        """Append one record, which names its `level` and `step`; before `write_state` of that step."""
-        append(self.path / "log.jsonl", log_line(dict(record)))
-
     def set_level_state(self, level: int, state: str, **details: Any) -> None:
         """Set a level's state, one of LEVEL_STATES, with details such as `reason`; the run's own state follows."""
         if state not in LEVEL_STATES:
@@ -228,14 +214,6 @@ class RunWriter:
         """Replace entries of `run.json`."""
         self.info.update(jsonable(entries))
         self._save()
-
-    def write_obstacles(self, obstacles: Sequence[Mapping]) -> None:
-        """Store the obstacles' geometry for pictures; see `pdvol.store.obstacles` for the arrays of each kind."""
-        stored_obstacles.write_obstacles(self.path, obstacles)
-
-    def write_render_meshes(self, entries: Sequence[Mapping]) -> None:
-        """Store what is drawn in the place of bodies; see `pdvol.store.render_meshes` for the entries."""
-        stored_render.write_render_meshes(self.path, entries)
 
     def close(self) -> None:
         """Release the lock. A level that was not finished is "interrupted"."""

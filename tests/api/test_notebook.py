@@ -58,7 +58,7 @@ with reported_to(stage_lines.StageLines(stream)):
     with stage("meshing"):
         time.sleep(0.4)
     for level in range(2):
-        bar = Progress(level, 100, stream)
+        bar = Progress(level, 100, stream=stream)
         for step in range(100):
             bar.step({"step": step + 1})
             time.sleep(0.003)

@@ -64,7 +64,7 @@ def test_forces_use_the_real_positions_of_obstacles(folder):
     run = open_run(folder / "whole")
     level = run.levels[1]
     last = level.log[-1]
-    assert level.behind(last["step"]) == last["behind"] > 0.0 and level.behind(1) == 0.0
+    assert level.lateness(last["step"])[0] == last["behind"] > 0.0 and level.lateness(1) == (0.0, {})
     scene, obstacles = stored_scene(run)
     fields = SceneFields(scene, run, 1, obstacles)
     force = fields.contact_force(last["step"])

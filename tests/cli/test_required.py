@@ -1,6 +1,5 @@
 """A scene loads and builds only the terms that it uses. `pdvol info` lists these terms."""
 
-import json
 import subprocess
 import sys
 
@@ -8,11 +7,13 @@ import pytest
 from mpi4py import MPI
 
 import pdvol.levels.hierarchy as hierarchy_module
+from commands import SAFETY
 from pdvol import open_run
 from pdvol.cli import run
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
+from pdvol.studio.wedge.worker import Worker
 from problems import make_model, make_scene
 from shapes import box, together
 
@@ -132,12 +133,14 @@ def test_without_contact_none_of_it_is_imported(file, call):
     assert ended.stdout.splitlines()[-1] == ""
 
 
-def test_nor_in_a_process_that_carries_out_a_wedge(file, tmp_path):
+def test_nor_in_a_process_that_carries_out_a_wedge(file, tmp_path, monkeypatch):
     """It has all libraries loaded before a scene is known."""
     listing = "import sys\ndef scene():\n    open('loaded', 'w').write(' '.join(sys.modules))\n"
     (tmp_path / "disc.py").write_text(listing)
-    line = json.dumps({"words": ["info", "disc.py"], "log": str(tmp_path / "log")}) + "\n"
-    words = [sys.executable, "-m", "pdvol.worker"]
-    assert subprocess.run(words, input=line, cwd=tmp_path, capture_output=True, text=True).returncode == 0
+    monkeypatch.chdir(tmp_path)
+    worker = Worker()
+    worker.start(["info", "disc.py"], tmp_path / "log")
+    assert worker.answer(SAFETY) == (True, 2), "the function gives no scene"
+    worker.stop()
     loaded = (tmp_path / "loaded").read_text().split()
     assert "pdvol.runs.runner" in loaded and not any("potentials.contact" in name for name in loaded)

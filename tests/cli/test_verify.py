@@ -21,7 +21,7 @@ def two_blocks(dim, gap=0.25):
 def store(path, dim, states, obstacles=(), mesh=None):
     mesh = two_blocks(dim) if mesh is None else mesh
     writer = RunWriter.create(path, {"dt": 0.01, "steps": len(states) - 1}, [mesh], ["a", "b"])
-    writer.write_obstacles(list(obstacles))
+    runs.write_obstacles(writer.path, list(obstacles))
     for step, state in enumerate(states):
         writer.write_state(0, step, state)
     writer.set_level_state(0, "done")

@@ -6,6 +6,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.meshes import RenderSurface
 from pdvol.meshing.weld import coincident
 from pdvol.runs.render_binding import render_weights
+from pdvol.store.render_meshes import write_render_meshes as write_render_meshes
 from shapes import box
 
 

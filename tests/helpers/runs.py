@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
+from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run
 from pdvol.store.states import HEAD, HEADER, NAME, States
 from pdvol.store.writer import RunWriter
@@ -119,7 +120,7 @@ def stored_run(path, dim: int = 2, counts=(60, 200, 800), steps: int = 20):
     info["parameters"] = {"young": np.float64(1e5)}
     with RunWriter.create(path, info, meshes, ["left", "right"]) as run:
         extra = [sphere_obstacle((1.6, 0.9, 0.35)), sphere_obstacle((-1.5, -0.4, 0.3), 0.3, steps)] if dim == 3 else []
-        run.write_obstacles(OBSTACLES[dim] + extra)
+        write_obstacles(run.path, OBSTACLES[dim] + extra)
         for level, mesh in enumerate(meshes):
             run.set_level_state(level, "running")
             for step in range(steps + 1):

@@ -34,8 +34,8 @@ def check(level_meshes, scene):
     check_start(level_meshes, placed_obstacles(scene.obstacles), [body.name for body in scene.bodies])
 
 
-def build_apart(scene, count, cache=None):
-    return build_apart_from(scene, count, placed_obstacles(scene.obstacles), cache)
+def build_apart(scene, count):
+    return build_apart_from(scene, count, placed_obstacles(scene.obstacles))
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -104,7 +104,7 @@ def bowl(n=40):
     )
 
 
-def test_refined_where_the_coarse_shape_cuts_corners(tmp_path):
+def test_refined_where_the_coarse_shape_cuts_corners():
     """A ball that fills a bowl: chords of the coarse bowl cut through it. Less decimation of that level helps, and only
     that level changes.
     """
@@ -112,10 +112,10 @@ def test_refined_where_the_coarse_shape_cuts_corners(tmp_path):
     ball = Outline(0.98 * np.column_stack([np.cos(a), np.sin(a)]))
     bodies = (Body(bowl(), SOFT, (22, 90), name="bowl"), Body(ball, SOFT, (40, 90), name="ball"))
     scene = Scene(bodies, dt=0.01, steps=1, contact=(Barrier(),), separate=(Separate("refine", 1.0),))
-    plain = build_levels(scene, cache=tmp_path)
+    plain = build_levels(scene)
     with pytest.raises(IntersectionError, match="level 0"):
         check(plain, scene)
-    meshes, report = build_apart(scene, 2, cache=tmp_path)
+    meshes, report = build_apart(scene, 2)
     check(meshes, scene)
     assert len(meshes[0].points) > len(plain[0].points)
     np.testing.assert_array_equal(meshes[1].points, plain[1].points)

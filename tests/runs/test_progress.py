@@ -13,7 +13,7 @@ class Terminal(io.StringIO):
 
 def test_plain_lines():
     stream = io.StringIO()
-    progress = Progress(1, 100, stream)
+    progress = Progress(1, 100, stream=stream)
     progress.step(runs.record(1, 12))
     progress.step({"step": 13, "newton_iterations": 2, "contacts": 0, "min_gap": None, "seconds": {"total": 12.5}})
     progress.step({"step": 100})
@@ -28,7 +28,7 @@ def test_plain_lines():
 
 def test_the_real_time_factor_is_that_of_the_steps_seen():
     stream = io.StringIO()
-    progress = Progress(1, 14, stream, done=11)
+    progress = Progress(1, 14, 11, stream)
     for step in (12, 13, 14):
         progress.step({"step": step, "time": 0.02 * step, "seconds": {"total": 0.5}})
     progress.close()
@@ -38,7 +38,7 @@ def test_the_real_time_factor_is_that_of_the_steps_seen():
 
 def test_a_bar_with_the_time_left():
     stream = Terminal()
-    progress = Progress(2, 3, stream, done=1)
+    progress = Progress(2, 3, 1, stream)
     for step in (2, 3):
         progress.step(runs.record(2, step))
     progress.close()
@@ -54,7 +54,7 @@ def lasting(step, iterations, seconds):
 
 def test_lines_about_a_step_that_lasts_come_ever_less_often():
     stream = io.StringIO()
-    progress = Progress(1, 100, stream)
+    progress = Progress(1, 100, stream=stream)
     for tenths in range(20, 100, 5):
         progress.lasts(lasting(12, tenths, 0.1 * tenths))
     progress.lasts(lasting(13, 8, 2.0))
@@ -68,7 +68,7 @@ def test_lines_about_a_step_that_lasts_come_ever_less_often():
 
 def test_a_bar_shows_a_step_that_lasts():
     stream = Terminal()
-    progress = Progress(2, 30, stream, done=1)
+    progress = Progress(2, 30, 1, stream)
     progress.lasts(lasting(2, 45, 3.0))
     shown = stream.getvalue()
     progress.close()

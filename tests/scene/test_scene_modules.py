@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 from pdvol.errors import InputError
 from pdvol.meshing.readers import read_shape
+from pdvol.processes import Process
 from pdvol.runs.scene_file import load_shot
 from pdvol.runs.scene_modules import load_module
 
@@ -57,6 +59,14 @@ def test_a_file_finds_itself_among_the_modules(tmp_path, text):
     (tmp_path / "beside.py").write_text(text)
     (tmp_path / "other.py").write_text("from beside import found")
     assert load_module(tmp_path / "other.py").found == 2.0
+
+
+def test_processes_do_not_find_modules_beside_a_scene(tmp_path):
+    load_module(written(tmp_path, "a module of a module", 1))
+    process = Process()
+    process.begin(find_spec, "second")
+    assert find_spec("second") and process.answer(60.0) == (True, None)
+    process.stop()
 
 
 def test_a_file_that_fails_is_no_module(tmp_path):

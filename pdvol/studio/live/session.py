@@ -17,12 +17,12 @@ from pdvol.processes import idle_cores
 from pdvol.store.copying import copy_run, require_new
 from pdvol.studio.live.channel import Channel
 from pdvol.studio.live.live_run import LiveRun
-from pdvol.studio.live.pool import Pool
 from pdvol.studio.wedge.variation import value_text
-from pdvol.studio.wedge.worker import last_line
+from pdvol.studio.wedge.worker import Workers, last_line
 
 DEBOUNCE = 0.1  # seconds without a further change after which a new run begins
 LONGEST_WAIT = 0.4  # seconds after the first of many changes when a run begins all the same
+POOL_SIZE = 3  # processes: one runs level 0, one refines, one is spare
 MOST_RUNS = 6  # in the temporary folder; older ones are removed
 BAD_INPUT = 2  # exit code of `pdvol` for input that no run can begin with
 STOPPED_BY_SIGNAL = 130  # exit code of `pdvol` after an interruption: the end of a take
@@ -66,7 +66,7 @@ class Session:
         self.paused = False
         self._runs: list[LiveRun] = []
         self._number = 0
-        self._pool = Pool()
+        self._workers = Workers(ahead=POOL_SIZE)
         self._lock = threading.RLock()
         self._requested: tuple[float, float] | None = None  # first and last change that no run has yet
         self._wait = 0.0
@@ -177,7 +177,7 @@ class Session:
     def tick(self) -> None:
         """Look at the processes, start what is due, and follow the stored states."""
         with self._lock:
-            self._pool.look()
+            self._workers.look()
             now = time.monotonic()
             if self._requested and (
                 now - self._requested[1] >= self._wait or now - self._requested[0] >= LONGEST_WAIT + self._wait
@@ -204,7 +204,7 @@ class Session:
             self._requested = None
             if self.current is not None:
                 self._update_kept(self.current)
-            self._pool.close()
+            self._workers.close()
 
     # ---- the life of a run
 
@@ -242,7 +242,7 @@ class Session:
         self._order(run, ["run", self.scene, *options, *steps, *words, *settings])
 
     def _order(self, run: LiveRun, words: list[Any]) -> None:
-        run.worker = self._pool.start([str(word) for word in words], run.log)
+        run.worker = self._workers.start([str(word) for word in words], run.log)
         run.state = "running"
         if self.paused:
             self._hold(True)
@@ -250,7 +250,7 @@ class Session:
     def _ended(self, run: LiveRun, code: int) -> None:
         """One command line of a run has ended."""
         if run.worker is not None:
-            self._pool.give_back(run.worker)
+            self._workers.give_up(run.worker)
         run.worker = None
         run.look()
         if code == BAD_INPUT and run.branch is not None and run.steps == 0:
@@ -280,7 +280,7 @@ class Session:
     def _give_up(self, run: LiveRun) -> None:
         """End what is computed of a run; its states stay."""
         if run.worker is not None:
-            self._pool.give_back(run.worker)
+            self._workers.give_up(run.worker)
             run.worker, run.state, run.played = None, "stopped", False
         self._update_kept(run)
 

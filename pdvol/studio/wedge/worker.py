@@ -1,161 +1,95 @@
 """Processes that have all libraries loaded and carry out one command line of `pdvol` after the other."""
 
 import contextlib
-import json
+import gc
 import os
 import signal
-import subprocess
 import sys
+import threading
+import time
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, cast
 
-from pdvol.processes import die_with_parent, without_launcher
+from pdvol.processes import Process, ProcessEnded
+from pdvol.registry import Entry
 
+LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build")  # libraries that every run imports
 TAIL = 8000  # bytes at the end of a log that are looked at for its last line
-PATIENCE = 5.0  # seconds that a process has to end after the request; it stores a state in less
+PATIENCE_OF_ABANDONED = 1.0  # seconds that a command line has to end after its interruption; its process is then ended
+INTERRUPTED = 130  # exit code of a command line that was requested to end, as `pdvol.cli` gives it
 
 
-class WorkerEnded(RuntimeError):
-    """A worker's process has ended, as it does when it has become large."""
-
-
-class Worker:
-    """One process. It starts at once; libraries are loaded while the caller goes on: these modules, or those of a run.
-
-    Attributes
-    ----------
-    busy : whether a command line is carried out
-    """
+class Worker(Process):
+    """One process, which loads these modules, or those of a run, while the caller goes on."""
 
     def __init__(self, *modules: str) -> None:
-        self.busy = False
-        self._answers = b""
-        self._paused = False
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "pdvol.worker", *modules],
-            env=without_launcher(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for the process that keeps the runs
-            preexec_fn=die_with_parent,
-        )
-        self._commands = cast(IO[bytes], self._process.stdin)
-        self._output = cast(IO[bytes], self._process.stdout)
-        os.set_blocking(self._output.fileno(), False)
-
-    @property
-    def process(self) -> int:
-        """The process's id."""
-        return self._process.pid
-
-    @property
-    def alive(self) -> bool:
-        """Whether the process can take another command line."""
-        return self._process.poll() is None
+        super().__init__(("pdvol.cli", *(modules or LOADED_BEFORE)))
 
     def start(self, words: Sequence[str], log: Path) -> None:
-        """Carry out `pdvol` with these words; what it prints goes to the file `log`.
+        """Carry out `pdvol` with these words; what it prints goes to the file `log`. Raises as `begin`.
 
-        Raises
-        ------
-        RuntimeError
-            It is busy.
-        WorkerEnded
-            It has ended, perhaps just now.
+        Interrupted, its exit code is 130, and the process takes the next one. It may not follow, as long as it loads
+        libraries or is in code that is not Python.
         """
-        if self.busy:
-            raise RuntimeError("a worker carries out one command line at a time")
-        if not self.alive:
-            raise WorkerEnded("the worker has ended")
-        line = json.dumps({"words": [str(word) for word in words], "log": str(log)}) + "\n"
-        try:
-            self._commands.write(line.encode())
-            self._commands.flush()
-        except OSError as error:
-            raise WorkerEnded("the worker has ended") from error
-        self.busy = True
+        self.begin(carry_out, [str(word) for word in words], str(log))
 
     def poll(self) -> int | None:
         """The exit code of the command line; None while it is carried out.
 
         A negative number is the signal that has ended the process before the command line had.
         """
-        if not self.busy:
-            return None
-        with contextlib.suppress(BlockingIOError):
-            while read := os.read(self._output.fileno(), 65536):
-                self._answers += read
-        *lines, self._answers = self._answers.split(b"\n")
-        for line in lines:
-            answer = json.loads(line)
-            if "code" in answer:
-                self.busy = False
-                return int(answer["code"])
-        code = self._process.poll()
-        if code is None:
-            return None
-        self.busy = False
-        return code if code < 0 else -signal.SIGKILL
+        try:
+            found = self.answer() if self.busy else None
+        except ProcessEnded:
+            code = self.stop()
+            return code if code < 0 else -signal.SIGKILL
+        return None if found is None else int(found[1])
 
-    def interrupt(self) -> None:
-        """Ask the command line to end, as Ctrl-C does: its exit code is then 130, and the process takes the next one.
 
-        It may not follow, as long as it loads libraries or is in code that is not Python.
-        """
-        self.resume()
-        if self.busy:
-            self._signal(signal.SIGINT)
-
-    def pause(self) -> None:
-        """Hold the process until `resume`."""
-        self._signal(signal.SIGSTOP)
-        self._paused = True
-
-    def resume(self) -> None:
-        """Go on after `pause`."""
-        self._signal(signal.SIGCONT)
-        self._paused = False
-
-    @property
-    def paused(self) -> bool:
-        """Whether `pause` holds it."""
-        return self._paused and self.alive
-
-    def stop(self) -> None:
-        """End the process. States that a run has stored are whole."""
-        self.resume()
-        with contextlib.suppress(OSError):
-            self._commands.close()
-        if self.busy:
-            self._signal(signal.SIGTERM)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(PATIENCE)
-        self._process.kill()
-        self._process.wait()
-        self._output.close()
-        self.busy = False
-
-    def _signal(self, number: int) -> None:
-        self._process.send_signal(number)  # not os.kill: another process may have the number of one that has ended
+def carry_out(words: Sequence[str], log: str) -> int:
+    """In the process: the exit code of a command line, which prints into a file."""
+    with open(log, "w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        code = Entry("pdvol.cli:run").load()(words)
+    except KeyboardInterrupt:  # at the last moment
+        code = INTERRUPTED
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+    except Exception:
+        traceback.print_exc()
+        code = 1
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        sys.stdout.flush()
+        sys.stderr.flush()
+    gc.collect()  # PETSc's objects end with Python's
+    return code
 
 
 class Workers:
-    """Some workers, as many as command lines are carried out at a time. Close them at the end.
+    """Some workers. One thread calls its methods. Close them at the end.
 
-    Attributes
+    Parameters
     ----------
-    count : of command lines at a time
+    count : of command lines at a time, at most
     fresh : whether each command line gets a process of its own: its processor time is then what a user's own run takes
+    ahead : processes that are kept started, so that their libraries are loaded when they are needed
     """
 
-    def __init__(self, count: int, fresh: bool = False):
-        self.count, self.fresh = count, fresh
+    def __init__(self, count: int = sys.maxsize, fresh: bool = False, ahead: int = 0):
+        self.count, self._fresh, self._ahead = count, fresh, ahead
         self._workers: list[Worker] = []
+        self._given_up: dict[Worker, float] = {}
+        self._ending: list[threading.Thread] = []
+        self.look()
 
     def start(self, words: Sequence[str], log: Path) -> Worker:
-        """Carry out `pdvol` with these words; what it prints goes to the file `log`. Ended workers are replaced.
+        """Carry out `pdvol` with these words; what it prints goes to the file `log`. Of the workers that are not busy,
+        the one that was started first is the one most likely loaded. Ended ones are replaced.
 
         Raises
         ------
@@ -163,24 +97,46 @@ class Workers:
             All are busy.
         """
         for free in [worker for worker in self._workers if not worker.busy]:
-            with contextlib.suppress(WorkerEnded):  # a large one ends once it has answered
-                if not self.fresh:
+            with contextlib.suppress(ProcessEnded):  # a large one ends once it has answered
+                if not self._fresh:
                     free.start(words, log)
                     return free
-            free.stop()
-            self._workers.remove(free)
+            self._end(free)
         if len(self._workers) >= self.count:
             raise RuntimeError("all workers are busy")
-        new = Worker()
-        self._workers.append(new)
-        new.start(words, log)
-        return new
+        self._workers.append(Worker())
+        self._workers[-1].start(words, log)
+        return self._workers[-1]
+
+    def give_up(self, worker: Worker) -> None:
+        """Interrupt a worker's command line where it has not ended."""
+        if worker.busy:
+            worker.interrupt()
+            self._given_up[worker] = time.monotonic() + PATIENCE_OF_ABANDONED
+
+    def look(self) -> None:
+        """Take interrupted workers back, end those that do not follow, and start others in place of ended ones."""
+        for worker, limit in list(self._given_up.items()):
+            ended = worker.poll() is not None
+            if ended or time.monotonic() >= limit:
+                del self._given_up[worker]
+                if not ended:
+                    self._end(worker)
+        self._workers = [worker for worker in self._workers if worker.busy or worker.alive]
+        self._ending = [thread for thread in self._ending if thread.is_alive()]
+        self._workers += [Worker() for _ in range(self._ahead - len(self._workers))]
 
     def close(self) -> None:
         """End all processes."""
-        for worker in self._workers:
-            worker.stop()
-        self._workers.clear()
+        for worker in list(self._workers):
+            self._end(worker)
+        for thread in self._ending:
+            thread.join()
+
+    def _end(self, worker: Worker) -> None:
+        self._workers.remove(worker)
+        self._ending.append(threading.Thread(target=worker.stop, daemon=True))  # its end may take a while
+        self._ending[-1].start()
 
 
 def last_line(log: Path, beginning: str = "") -> str:

@@ -22,7 +22,7 @@ from pdvol.studio.draw.film import film_rate, film_steps, write_film
 from pdvol.studio.draw.layout import CELL_GAP
 from pdvol.studio.draw.picture import CAPTIONS, chosen_steps, picture, render
 from pdvol.studio.draw.views import Shot
-from rendered import entry_of, grown_box
+from rendered import entry_of, grown_box, write_render_meshes
 from shapes import box
 
 SMALL = Shot(width=120)
@@ -116,7 +116,8 @@ def test_a_render_mesh_is_drawn_with_its_texture(tmp_path):
     texture[:4], texture[4:] = (0, 0, 255), (0, 255, 0)
     Image.fromarray(texture).save(buffer, "PNG")
     with RunWriter.create(tmp_path / "run", {"dt": 0.05, "steps": 0}, [mesh], ["left"]) as run:
-        run.write_render_meshes([entry_of(mesh, 0, grown_box(0.0, 1.0, 0.03), texture=(buffer.getvalue(), ".png"))])
+        grown = grown_box(0.0, 1.0, 0.03)
+        write_render_meshes(run.path, [entry_of(mesh, 0, grown, texture=(buffer.getvalue(), ".png"))])
         run.write_state(0, 0, mesh.points)
     found = []
     for shot in (Shot("front"), Shot("front", facets=True), Shot("front", cut="y=0.5")):

@@ -23,7 +23,7 @@ from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.frames import even_frames
 from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, linear_colour
-from rendered import entry_of, grown_box
+from rendered import entry_of, grown_box, write_render_meshes
 from shapes import box
 
 BLENDER = os.environ.get("PDVOL_BLENDER_PYTHON", "")
@@ -144,7 +144,7 @@ def test_usd_with_a_textured_render_mesh(tmp_path):
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG")
     with RunWriter.create(tmp_path / "run", {"dt": 0.05, "steps": 4}, [mesh], ["left"]) as run:
-        run.write_render_meshes([entry_of(mesh, 0, surface, texture=(buffer.getvalue(), ".png"))])
+        write_render_meshes(run.path, [entry_of(mesh, 0, surface, texture=(buffer.getvalue(), ".png"))])
         for step in range(5):
             run.write_state(0, step, mesh.points + [0.0, 0.0, 0.1 * step])
     (file,), _ = export_run(tmp_path / "run", "usd", tmp_path / "out", fps=20.0, surface="both")

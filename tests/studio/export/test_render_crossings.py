@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.render_crossings import deepest_crossing, rest_gaps
-from rendered import entry_of, grown_box
+from rendered import entry_of, grown_box, write_render_meshes
 from shapes import box, together
 
 LARGER = 0.005  # m: how far the render meshes stand out
@@ -19,11 +20,11 @@ def stored(path, heights, obstacles=(), meshes=None, closed=True):
     mesh = together(box(3, 3), box(3, 3, (1.0 + GAP, 0.0, 0.0), (2.0 + GAP, 1.0, 1.0)))
     info = {"dt": 0.1, "steps": len(heights) - 1}
     with RunWriter.create(path, info, [mesh], ["left", "right"]) as run:
-        run.write_obstacles(
-            [{"name": "floor", "kind": "plane", "point": [0, 0, -GAP], "normal": [0, 0, 1.0]}, *obstacles]
+        write_obstacles(
+            run.path, [{"name": "floor", "kind": "plane", "point": [0, 0, -GAP], "normal": [0, 0, 1.0]}, *obstacles]
         )
         surfaces = meshes or {0: grown_box(0.0, 1.0, LARGER)}
-        run.write_render_meshes([entry_of(mesh, body, surface) for body, surface in surfaces.items()])
+        write_render_meshes(run.path, [entry_of(mesh, body, surface) for body, surface in surfaces.items()])
         for step, height in enumerate(heights):
             run.write_state(0, step, mesh.points + [0.0, 0.0, height])
     return open_run(path)

@@ -75,7 +75,7 @@ def test_an_obstacle_that_contact_held_back_is_where_it_was(small_run, tmp_path)
     held = {"0.point": np.array([0.0, -0.4]), "0.normal": np.array([0.0, 1.0])}
     moving = {"point": np.tile([0.0, -0.01], (7, 1)), "normal": np.tile([0.0, 1.0], (7, 1))}
     with RunWriter.open(small_run) as writer:
-        writer.write_obstacles([{"name": "lift", "kind": "plane", **moving}])
+        runs.write_obstacles(writer.path, [{"name": "lift", "kind": "plane", **moving}])
     np.savez(small_run / "levels" / "0" / "late_000003.npz", **held)
     path = write_usd(open_run(small_run), [0, 1], tmp_path / "a")
     for level, step, height in ((0, 2, -0.01), (0, 3, -0.4), (1, 3, -0.01)):

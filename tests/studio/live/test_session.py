@@ -236,7 +236,7 @@ def test_a_step_that_lasts_says_how_far_it_is_and_the_end_ends_all_processes(tmp
         until(made, lambda: made.current is not None and made.current.lasting)
         assert re.match(r"level 0  step +\d+/100000  newton \d+  contacts .* s so far$", made.current.lasting)
         until(made, lambda: made.shown is not None)
-        workers = [*made._pool._idle, *made._pool._taken]
+        workers = list(made._workers._workers)
         made.keep("end")
     finally:
         made.close()

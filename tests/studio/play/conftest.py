@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pdvol.store.obstacles import write_obstacles
 from pdvol.store.writer import RunWriter
-from rendered import entry_of, grown_box
+from rendered import entry_of, grown_box, write_render_meshes
 from runs import OBSTACLES
 from shapes import box, together
 
@@ -27,8 +28,8 @@ def detailed_run(tmp_path):
     surface = grown_box([-1.2, 0.0, 1.0], [-0.2, 1.0, 2.0], 0.1)
     info = {"scene": "detailed", "dt": 0.05, "steps": DETAILED_STATES - 1, "method": "direct", "up": [0.0, 0.0, 1.0]}
     with RunWriter.create(tmp_path / "detailed", info, [mesh], ["left", "right"]) as run:
-        run.write_obstacles(OBSTACLES[3])
-        run.write_render_meshes([entry_of(mesh, 0, surface, texture=(buffer.getvalue(), ".png"))])
+        write_obstacles(run.path, OBSTACLES[3])
+        write_render_meshes(run.path, [entry_of(mesh, 0, surface, texture=(buffer.getvalue(), ".png"))])
         for step in range(DETAILED_STATES):
             turn = 0.08 * step
             x = mesh.points @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]).T

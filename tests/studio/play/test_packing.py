@@ -101,7 +101,7 @@ def test_names_are_escaped(tmp_path):
     with runs.RunWriter.create(
         tmp_path / "run", {"scene": mean, "dt": 0.1, "steps": 0, "method": "direct"}, meshes, [mean, "b"]
     ) as writer:
-        writer.write_obstacles([{"name": mean, "kind": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}])
+        runs.write_obstacles(writer.path, [{"name": mean, "kind": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}])
         writer.write_state(0, 0, meshes[0].points)
     page = player_page(panes_of_run(open_run(tmp_path / "run")), mean)
     assert "alert(1)</script>" not in page and "<script>alert" not in page

@@ -312,7 +312,7 @@ def test_a_frame_of_ten_thousand_vertices_leaves_the_processor_idle(player, tmp_
     mesh = LevelMesh(slab.vertices, cells, *np.zeros((2, len(cells)), np.int32))
     info = {"scene": "slab", "dt": 0.02, "steps": 8, "method": "direct"}
     with runs.RunWriter.create(tmp_path / "slab", info, [mesh], ["slab"]) as writer:
-        writer.write_obstacles(runs.OBSTACLES[3])
+        runs.write_obstacles(writer.path, runs.OBSTACLES[3])
         for step in range(9):
             writer.write_state(0, step, mesh.points + [0, 0, 0.1 + 0.03 * np.sin(6 * step)], None)
     run = open_run(tmp_path / "slab")

@@ -38,7 +38,7 @@ def made(path, motion, dim=2, steps=STEPS, stored=None, up=True, placement=None)
     info |= {"diagonal": 2.0, "up": [0.0] * (dim - 1) + [9.81]} if up else {}
     with RunWriter.create(path, info, [mesh], ["a", "b"]) as run:
         normal = np.eye(dim)[-1]
-        run.write_obstacles([{"name": "ground", "kind": "plane", "point": -normal, "normal": normal}])
+        runs.write_obstacles(run.path, [{"name": "ground", "kind": "plane", "point": -normal, "normal": normal}])
         for step in range((steps if stored is None else stored) + 1):
             x = mesh.points.copy()
             for body in range(2):

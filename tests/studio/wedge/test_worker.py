@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -48,17 +49,12 @@ def steps(folder):
 
 def ended(worker):
     """The exit code of the command line that is carried out."""
-    limit = time.monotonic() + PATIENCE_OF_TESTS
-    while (code := worker.poll()) is None:
-        assert time.monotonic() < limit
-        time.sleep(0.02)
-    return code
+    return worker.answer(PATIENCE_OF_TESTS)[1]
 
 
 def test_a_worker_that_ends_after_it_was_found_alive_is_replaced(scene, monkeypatch):
     """As a large one does, just after its answer. The broken pipe to it ends nothing."""
-    workers = Workers(1)
-    try:
+    with closing(Workers(1)) as workers:
         first = workers.start(words(scene, "first"), scene.parent / "first.log")
         assert ended(first) == 0
         os.kill(first.process, signal.SIGKILL)
@@ -67,8 +63,6 @@ def test_a_worker_that_ends_after_it_was_found_alive_is_replaced(scene, monkeypa
             patch.setattr(Worker, "alive", True)
             second = workers.start(words(scene, "second"), scene.parent / "second.log")
         assert second is not first and ended(second) == 0
-    finally:
-        workers.close()
 
 
 def test_a_held_worker_stores_no_state_until_it_goes_on(worker, scene):
