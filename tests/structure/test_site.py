@@ -19,6 +19,8 @@ import pdvol
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 LISTED = pages.reference(ROOT)
+MOST_WORDS = 2500  # of a page, generated ones included
+CODE_OR_TAG = re.compile(r"<(pre|math|svg)\b.*?</\1>|<[^>]*>", re.DOTALL)
 
 
 def own_function(thing: object, module: object) -> bool:
@@ -102,6 +104,10 @@ def test_the_site_builds_without_a_warning_and_asks_for_nothing_outside(tmp_path
     assert len(built) > len(list(DOCS.rglob("*.md")))
     fetched = re.compile(r"<(?:script|img|link|iframe|source)\b[^>]*\b(?:src|href)=\"(?:https?:)?//[^\"]*\"")
     assert [(p.name, hit) for p in built for hit in fetched.findall(p.read_text())] == []
+    articles = {page.name: re.search(r"<article.*</article>", page.read_text(), re.DOTALL) for page in built}
+    texts = {name: re.sub(CODE_OR_TAG, " ", found[0]) for name, found in articles.items() if found}
+    counts = {name: len(re.findall(r"\S*\w\S*", text)) for name, text in texts.items()}
+    assert len(counts) > 60 and {name: count for name, count in counts.items() if count > MOST_WORDS} == {}
     assert "<math" in (tmp_path / "site" / "method.html").read_text()
     assert (tmp_path / "site" / "source" / "pdvol" / "integrate" / "marches.py.html").exists()
 
