@@ -104,10 +104,8 @@ def test_the_site_builds_without_a_warning_and_asks_for_nothing_outside(tmp_path
     assert len(built) > len(list(DOCS.rglob("*.md")))
     fetched = re.compile(r"<(?:script|img|link|iframe|source)\b[^>]*\b(?:src|href)=\"(?:https?:)?//[^\"]*\"")
     assert [(p.name, hit) for p in built for hit in fetched.findall(p.read_text())] == []
-    articles = {page.name: re.search(r"<article.*</article>", page.read_text(), re.DOTALL) for page in built}
-    texts = {name: re.sub(CODE_OR_TAG, " ", found[0]) for name, found in articles.items() if found}
-    counts = {name: len(re.findall(r"\S*\w\S*", text)) for name, text in texts.items()}
-    assert len(counts) > 60 and {name: count for name, count in counts.items() if count > MOST_WORDS} == {}
+    texts = {page.name: re.sub(CODE_OR_TAG, " ", page.read_text().partition("<article")[2]) for page in built}
+    assert [name for name, text in texts.items() if len(re.findall(r"\S*\w\S*", text)) > MOST_WORDS] == []
     assert "<math" in (tmp_path / "site" / "method.html").read_text()
     assert (tmp_path / "site" / "source" / "pdvol" / "integrate" / "marches.py.html").exists()
 
