@@ -21,12 +21,12 @@ LINES = {
     # part: (folders or files, lines of code at most)
     "core": (("pdvol", "forms", "meshes"), 33_460),
     "studio": (("pdvol/studio",), 12_250),
-    "tests": (("tests",), 36_240),
+    "tests": (("tests",), 36_235),
     "benchmarks": (("benchmarks",), 4_835),
     "demos": (("demos",), 3_850),
 }
 """`core` is all but the studio and its vendored library."""
-WORDS = 27_700
+WORDS = 25_000
 """Of all Markdown pages of docs, and README."""
 
 
