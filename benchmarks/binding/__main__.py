@@ -3,7 +3,7 @@ after small ones are dropped (paper, figures "snapping coarse boundary vertices"
 
     ./run python -m benchmarks.binding
 
-It writes the tables of docs/binding.md between their markers, and the page's pictures.
+It writes the tables of its NOTES.md between their markers, and the pictures of docs/binding.md.
 """
 
 import sys
@@ -77,11 +77,13 @@ PAIRS = (SIMILAR, SEAHORSE, Pair("slit_array", 0, 6), Pair("drop", 0, 0), Pair("
 @command(
     "binding",
     __doc__,
-    {"--docs": {"type": Path, "default": REPOSITORY / "docs" / "binding.md", "help": "where tables are kept"}},
+    {
+        "--docs": {"type": Path, "default": Path(__file__).with_name("NOTES.md"), "help": "where tables are kept"},
+        "--pictures": {"type": Path, "default": REPOSITORY / "docs" / "pictures", "help": "folder of the pictures"},
+    },
 )
 def main(options) -> None:
     """Runs the command; returns its exit code."""
-    page, pictures = Page(options.docs, "binding"), options.docs.parent / "pictures"
     snapped, local = [], []
     for pair in PAIRS:
         coarse, fine = pair.meshes
@@ -90,13 +92,13 @@ def main(options) -> None:
         weights = all_weights(pair)
         local.append(locality_row(pair, *weights))
         if pair is SIMILAR:
-            draw_snapping(pictures / "binding_snapping.png", coarse, fine, places)
+            draw_snapping(options.pictures / "binding_snapping.png", coarse, fine, places)
         if pair is SEAHORSE:
-            draw_locality(pictures / "binding_locality.png", coarse, fine, *weights)
+            draw_locality(options.pictures / "binding_locality.png", coarse, fine, *weights)
     tables = f"### Snapping\n\n{table(SNAPPING_HEAD, snapped)}\n\n### Locality\n\n{table(LOCALITY_HEAD, local)}"
     report = f"Measured at commit {commits.Repository(REPOSITORY).head()[:7]}.\n\n{tables}"
     print(report)
-    page.write(report)
+    Page(options.docs, "binding").write(report)
 
 
 def snap(coarse: LevelMesh, fine: LevelMesh, boundary_only: bool = False) -> np.ndarray:

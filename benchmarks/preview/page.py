@@ -39,7 +39,6 @@ TRUTH_INK = "#3b3f46"
 
 def write(out: Path) -> None:
     """Writes everything; runs of the ape are kept in the folder `out`."""
-    page = Page(DOCS, "preview", "table")
     bars, true_bar = bar_states()
     apes = {kind: stored(out, **settings) for kind, settings in KINDS.items()}
     true_ape = stored(out, "direct", FINEST, **KINDS["BDF2, smoothed"], dt=TRUE_DT)
@@ -49,8 +48,8 @@ def write(out: Path) -> None:
     heights = {kind: {level: rises(run, level) for level in range(FINEST + 1)} for kind, run in apes.items()}
     curves(PICTURES / "how_right_bar.png", "height of the tip [m]", tips(bars), tip(true_bar))
     curves(PICTURES / "how_right_ape.png", "rise of the centre [m]", heights, truth)
-    text = f"{bar_table(bars, true_bar)}\n\n{ape_table(heights, truth)}"
-    page.write(text)
+    text = millimetres(apes, bar_lines(bars, true_bar) | ape_lines(heights, truth))
+    Page(DOCS, "preview", "table").write(text)
     print(text)
 
 
@@ -95,17 +94,17 @@ def of_level(truth: np.ndarray, level: int) -> np.ndarray:
     return places.reshape(len(truth), -1, 2)
 
 
-def bar_table(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> str:
-    """Distance from the truth, and how far the tip swings in the last second."""
+def bar_lines(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> dict[str, list[float]]:
+    """Lines of the table [m]: distance from the truth, and how far the tip swings in the last second."""
     lines: dict[str, list[float]] = {}
     for level in BAR_SHOWN:
         true = of_level(truth, level)
         squares = [((levels[level] - true) ** 2).sum(axis=2) for levels in bars.values()]
-        lines[f"level {level}: from the truth, mean [mm]"] = [*(np.sqrt(s.mean(axis=1)).mean() for s in squares), 0.0]
+        lines[f"bar, level {level}: from the truth, mean"] = [*(np.sqrt(s.mean(axis=1)).mean() for s in squares), 0.0]
     for level in BAR_SHOWN:
         last = [tip(x)[-round(1.0 / DT) :] for x in (*(levels[level] for levels in bars.values()), truth)]
-        lines[f"level {level}: the tip swings in the last second by [mm]"] = [np.ptp(heights) for heights in last]
-    return millimetres("bar", bars, lines)
+        lines[f"bar, level {level}: the tip swings in the last second by"] = [np.ptp(heights) for heights in last]
+    return lines
 
 
 def film_of_bars(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> Iterator[Image.Image]:
@@ -137,16 +136,16 @@ def film_of_bars(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) ->
 # ---- the ape
 
 
-def ape_table(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> str:
-    """How high the centre comes, and how far its height is from the truth's."""
+def ape_lines(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> dict[str, list[float]]:
+    """Lines of the table [m]: how high the centre comes, and how far its height is from the truth's."""
     lines: dict[str, list[float]] = {}
     for level in APE_SHOWN:
         highest = [each[level].max() for each in heights.values()]
-        lines[f"level {level}: the centre rises by [mm]"] = [*highest, truth.max()]
+        lines[f"ape, level {level}: the centre rises by"] = [*highest, truth.max()]
     for level in APE_SHOWN:
         apart = [np.sqrt(((each[level] - truth) ** 2).mean()) for each in heights.values()]
-        lines[f"level {level}: its height from the truth's, root mean square [mm]"] = [*apart, 0.0]
-    return millimetres("ape", heights, lines)
+        lines[f"ape, level {level}: its height from the truth's, root mean square"] = [*apart, 0.0]
+    return lines
 
 
 def film_of_apes(apes: Mapping[str, Run], true: Run) -> Iterator[Image.Image]:
@@ -176,10 +175,10 @@ def ape_pane(kind: str, run: Run, index: int, true: bool) -> Pane:
 # ---- both
 
 
-def millimetres(what: str, kinds: Iterable[str], lines: Mapping[str, Sequence[float]]) -> str:
+def millimetres(kinds: Iterable[str], lines: Mapping[str, Sequence[float]]) -> str:
     """A table of lengths [m], of each kind and of the truth."""
     rows = [[label, *(f"{1e3 * value:.0f}" for value in values)] for label, values in lines.items()]
-    return table([what, *kinds, "truth"], rows)
+    return table(["[mm]", *kinds, "truth"], rows)
 
 
 def curves(out: Path, label: str, found: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> None:

@@ -20,6 +20,8 @@ root_doc = "index"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3  # pages link to headings by the anchors that code hosts give them
 
+linkcheck_ignore = [r"(\.\./)*source/"]  # pages of repository_links.py, which only the site has
+
 html_theme = "furo"
 html_title = "pdvol"
 html_static_path = ["static"]

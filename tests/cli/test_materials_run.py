@@ -1,15 +1,15 @@
 """Materials through the command line: the law of docs/scenes.md, regions on two levels, and what a run keeps."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import pages
 from pdvol import open_run
 from pdvol.cli import run
 
-SCENES = (Path(__file__).resolve().parents[2] / "docs" / "scenes.md").read_text()
+SCENES = Path(__file__).resolve().parents[2] / "docs" / "scenes.md"
 
 SCENE = '''
 import pdvol
@@ -28,18 +28,9 @@ def scene(fibres=1e5, young=1e6, damping=0.0):
 
 
 @pytest.fixture(scope="module")
-def material():
-    (block,) = [
-        code
-        for code in re.findall(r"^```python\n(.*?)^```", SCENES, re.MULTILINE | re.DOTALL)
-        if "class Muscle" in code
-    ]
-    return block
-
-
-@pytest.fixture(scope="module")
-def beam(material, tmp_path_factory):
+def beam(tmp_path_factory):
     folder = tmp_path_factory.mktemp("beam")
+    (material,) = [block.code for block in pages.blocks(SCENES) if "class Muscle" in block.code]
     (folder / "beam.py").write_text(SCENE.format(material=material))
     return folder
 

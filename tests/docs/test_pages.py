@@ -1,43 +1,42 @@
-"""The code of README and docs runs: blocks of Python one after the other on each page, commands by the parser, and the
-tutorial as a whole. Pages are run in an empty folder, with what their text takes for granted.
+"""Python and commands of README, CONTRIBUTING and docs run, each page's in order in an empty folder, with what its text
+takes for granted. A block `text` has lines that those before it print. Commands of most pages are slow tests.
+
+./run pytest tests/docs -m "slow or not slow"               # all pages
+PDVOL_DRAW=1 ./run pytest tests/docs -m slow -k tutorial    # keep the pictures that a page's commands make
 """
 
+import json
 import linecache
+import os
 import re
 import shlex
+import shutil
+import signal
+import subprocess
+import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from inspect import getsource
+from itertools import pairwise
 from pathlib import Path
 from textwrap import dedent
 
+import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
+from trimesh import Trimesh
 
 import pages
 import pdvol
-from pdvol import Body, Gravity, NeoHookean, RenderMesh, Scene, Support, meshes
-from pdvol.cli import parse
+from commands import PDVOL, SAFETY
+from pdvol import Body, Gravity, NeoHookean, RenderMesh, Scene, Support, cli, meshes
 
 ROOT = Path(__file__).resolve().parents[2]
-README = ROOT / "README.md"
 PAGES = pages.all_pages(ROOT)
 WITH_CODE = [page for page in PAGES if any(block.language == "python" for block in pages.blocks(page))]
-TUTORIAL = ROOT / "docs" / "tutorial.md"
-# What makes the tutorial short: the coarsest meshes and three throws, of which the second is the one that is picked.
-SHORTER = {
-    "(150, 450, 1300)": "(60, 150, 300)",
-    "steps=75": "steps=25",
-    "1.4:3:9": "2:2.4:3",
-    "pick w 2": "pick w 1",
-    "--fps 24": "--fps 4",
-}
-FEWER = {"-0.1:0.1:20": "-0.1:0.1:3", "pick w 17": "pick w 1", "--to 2": "--to 1", "--to 4": "--to 2"}
-"""What makes README's loop short: three variations instead of twenty, and three levels instead of five."""
-MOST_STEPS = 5  # of a page's scene
-EIGHT, TWO = '"0.5:1:8"', '"0.5:1:2"'  # variations of the wedge of python.md, and how many are tried
+STEPS = 5  # of a page's scene, at most
 # pages whose code is complete: nothing is imported for it
-WHOLE = ("README.md", "cookbook.md", "python.md", "scenes.md")
+COMPLETE = ("README.md", "cookbook.md", "python.md", "scenes.md")
 SHOT = """
 import pdvol
 from pdvol import Body, Gravity, NeoHookean, Placement, Scene, meshes
@@ -48,15 +47,9 @@ def scene(height=0.5, offset=0.0):
 """
 
 
-def ids(page):
-    return str(page.relative_to(ROOT))
-
-
-def surface(path: str, shape, shift=(0.0, 0.0, 0.0)) -> None:
-    """Write a shape as OBJ."""
-    lines = [f"v {x} {y} {z}" for x, y, z in shape.vertices + np.array(shift)]
-    lines += [f"f {a} {b} {c}" for a, b, c in shape.triangles + 1]
-    Path(path).write_text("\n".join(lines) + "\n")
+def surface(path: str, shape, shift=(0.0, 0.0, 0.0), without: int = 0) -> None:
+    """Write a shape to a file, without some of its triangles."""
+    Trimesh(shape.vertices + shift, shape.triangles[without:]).export(path)
 
 
 def given(page: Path) -> dict:
@@ -65,7 +58,7 @@ def given(page: Path) -> dict:
     Path("demos/ball_on_spike.py").write_text(SHOT)
     Path("shot.py").write_text(SHOT)
     names: dict = {}
-    if page.name not in WHOLE:
+    if page.name not in COMPLETE:
         names = {"np": np, "pdvol": pdvol, "meshes": meshes, **{name: getattr(pdvol, name) for name in pdvol.__all__}}
     soft = NeoHookean(1e5)
     shape = meshes.rectangle(0.4, 0.1)
@@ -102,102 +95,144 @@ def begin_own_energy(names: dict) -> None:
     lines = getsource(demo.simulate).splitlines()
     end = next(i for i, line in enumerate(lines) if "# Implicit Euler" in line)
     names |= vars(demo) | {"comm": MPI.COMM_SELF, "steps": 2, "t0": 0.02, "t1": 0.03, "held": None}
-    names["solve"] = lambda u, most=MOST_STEPS: None
+    names["solve"] = lambda u, most=STEPS: None
     exec(dedent("\n".join(lines[2:end])), names)
 
 
-@pytest.mark.parametrize("page", [page for page in WITH_CODE if page != TUTORIAL], ids=ids)
-def test_python_on_pages_runs(page, tmp_path, monkeypatch):
+@pytest.mark.parametrize("page", [page for page in WITH_CODE if page.name != "tutorial.md"], ids=lambda page: page.stem)
+def test_python_on_pages_runs(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names = given(page)
-    assert (EIGHT in page.read_text()) == (page.name == "python.md")
-    for block in pages.blocks(page):
+    for before, block in pairwise([None, *pages.blocks(page)]):
+        if block.language == "text" and before.language == "python":
+            assert pages.unprinted(block, capsys.readouterr().out) == []
         if block.language == "python":
             where = f"<{page.name}, line {block.line}>"
             linecache.cache[where] = (len(block.code), None, block.code.splitlines(keepends=True), where)
-            exec(compile(block.code.replace(EIGHT, TWO), where, "exec"), names)
+            exec(compile(block.code.replace('"0.5:1:8"', '"0.5:1:2"'), where, "exec"), names)
             if callable(names.get("scene")):
                 shot = names.pop("scene")()
-                assert pdvol.run(shot, levels=0, steps=min(shot.steps, MOST_STEPS)).levels[0].steps > 1
+                assert pdvol.run(shot, levels=0, steps=min(shot.steps, STEPS)).levels[0].steps > 1
 
 
-def test_commands_on_pages_are_parsed():
-    """Each `pdvol ...` line has a command and options that are there, and each `./run pdvol ...` in a paragraph."""
-    found = [(page, words) for page in PAGES for block in pages.blocks(page) for words in block.commands]
-    inline = re.compile(r"`\./run pdvol ([^`\n]+)`")
-    found += [(page, shlex.split(words)) for page in PAGES for words in inline.findall(page.read_text())]
-    assert len(found) > 80
-    for page, words in found:
-        if "--help" in words or words[:1] == ["COMMAND"]:
-            continue
-        try:
-            parse(words)
-        except SystemExit:
-            pytest.fail(f"{ids(page)}: pdvol {' '.join(words)}")
+QUICK = ("README.md", "index.md", "install.md", "live.md", "polyfem.md")
+"""The other pages' commands are slow tests."""
+NOT_RUN = {
+    "git clone": "needs the repository's address",
+    "python3 -m venv|venv/bin": "fetches packages of 375 MB",
+    "pip install": "would change the environment",
+    "podman": "needs containers",
+    "sbatch": "needs Slurm; tests/cli/test_slurm_script.py runs the script without it",
+    "pvpython|xvfb-run|paraview": "needs ParaView; tests/studio/export/test_paraview.py runs the script",
+    "jupyter lab": "serves until it is stopped; tests/api/test_notebook.py runs the notebook",
+    "pytest|ruff|mypy|codespell": "tests and checks of the whole repository",
+    "env PYTHONPATH=tests/helpers python tests/golden/golden.py": "stores the golden states anew",
+    "pdvol (run SCENE.py --hand|refine runs/take_1)": "needs a hand; tests/studio/live/test_takes.py has one",
+    "pdvol run shot.py": "needs a scene of Blender; tests/blender/test_scenarios.py has one",
+}
+"""Pattern at the beginning of a command: why it does not run here."""
+UNTIL_STOPPED = re.compile(r"pdvol (live|preview .*--watch)\b")
+PROGRAMS = {"python": [sys.executable], "pdvol": PDVOL}
+SHORTER = (
+    (r"^pdvol (run|preview|wedge|study|live) \S+\.py", rf"\g<0> --set steps={STEPS}"),
+    (r"^pdvol run \S+\.py(?!.*--(accuracy|time|method|levels)).*", r"\g<0> --levels 0:1"),
+    (r"--levels 0:2", "--levels 0:1"),
+    (r"--frames \d+", f"--frames {STEPS}"),
+    (r"(demos/drop|shot)\.py", r"\g<0> --set vertices=(60,150,300)"),
+    (r"(--vary \S+:\S+):\d+", r"\1:2"),
+    (r"pick (\w+) \d+", r"pick \1 1"),
+    (r"--to [2-9]", "--to 1"),
+    (r"--size \d+x\d+", "--size 320x180"),
+    (r"--runs \d+", "--runs 2"),
+    (r"--budget \d+", "--budget 0.5"),
+)
+"""Patterns in commands that take long, and what stands in their place."""
+WHOLE = ("render_meshes.md", "tutorial.md")
+"""Pages whose commands run as they stand, and whose output is that of all steps."""
 
 
-PROGRAMS = ("pdvol", "pytest", "python", "pip", "jupyter", "bash", "ruff", "mypy", "codespell", "env", "docs")
+def files_of_a_reader(folder: Path) -> None:
+    """The repository's folders, a surface, a scan with a hole and a scene of PolyFEM."""
+    for name in ("demos", "packaging"):
+        (folder / name).symlink_to(ROOT / name)
+    surface("cow.obj", meshes.ball(0.5, 2))
+    surface("scan.ply", meshes.ball(0.5, 2), without=1)
+    brick = meshes.brick((1.0, 1.0, 1.0), (1, 1, 1))
+    meshio.Mesh(brick.vertices, {"tetra": brick.cells}).write("cube.msh", "gmsh22", binary=False)
+    shot = {"geometry": [{"mesh": "cube.msh"}], "materials": {"type": "NeoHookean", "E": 1e6, "nu": 0.3, "rho": 500}}
+    Path("shot.json").write_text(json.dumps(shot | {"time": {"dt": 0.01, "time_steps": STEPS}}))
 
 
-def test_run_lines_on_pages_name_what_is_there():
-    """Each `./run ...` line begins with a program of the environment, and files of the repository exist."""
-    for page in PAGES:
-        for block in pages.blocks(page):
-            for line in block.code.replace("\\\n", " ").splitlines():
-                if not (found := re.search(r"\./run ([^#]*)", line)):
-                    continue
-                words = found[1].split()
-                words = words[3:] if words[0] == "mpirun" else words
-                assert words[0] in PROGRAMS, (page, line)
-                for word in words:
-                    assert not word.startswith(("demos/", "tests/", "benchmarks/")) or (ROOT / word).exists(), (
-                        page,
-                        line,
-                    )
-                if words[:2] == ["python", "-m"]:
-                    assert program(words[2]), (page, line)
+def shortened(command: str) -> str:
+    for pattern, text in SHORTER:
+        command = re.sub(pattern, text, command)
+    return command
 
 
-def program(module: str) -> bool:
-    """Whether `python -m MODULE` has something to run."""
-    path = ROOT / module.replace(".", "/")
-    return (path / "__main__.py").exists() or path.with_suffix(".py").exists()
+def run(command: str) -> None:
+    """Carry out a command line in the present folder: pdvol's in this process, others, and those that end by an
+    interruption, in one of their own.
+    """
+    words = shlex.split(command)
+    if UNTIL_STOPPED.match(command):
+        heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
+        process = subprocess.Popen([*PDVOL, *words[1:]], stderr=subprocess.PIPE, text=True, preexec_fn=heard)
+        assert any("Ctrl-C" in line for line in process.stderr), command
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=SAFETY)
+        assert process.returncode in (0, 130), command
+    elif words[0] == "pdvol" and "--help" not in words:
+        assert cli.run(words[1:]) == 0, command
+    else:
+        words = [part for word in words for part in PROGRAMS.get(word, [word])]
+        subprocess.run(words, check=True, timeout=SAFETY)
+
+
+def tried(block: pages.Block) -> list[str]:
+    return [command for command in block.commands if not re.match("|".join(NOT_RUN), command)]
+
+
+MARKS = [
+    pytest.param(page, marks=() if page.name in QUICK else pytest.mark.slow, id=page.stem)
+    for page in PAGES
+    if any(tried(block) for block in pages.blocks(page))
+]
+
+
+@pytest.mark.parametrize("page", MARKS)
+def test_commands_on_pages_run(page, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    files_of_a_reader(tmp_path)
+    for before, block in pairwise([None, *pages.blocks(page)]):
+        if block.file:
+            Path(block.file).write_text(block.code)
+        if block.language == "text":
+            assert before.language == "python" or pages.unprinted(block, "".join(capfd.readouterr())) == []
+        elif todo := tried(block):
+            capfd.readouterr()
+            for command in todo:
+                run(command if page.name in WHOLE else shortened(command))
+    for kept, made in pages.pictures(page):
+        assert (tmp_path / made).stat().st_size > 5_000, made
+        if "PDVOL_DRAW" in os.environ:
+            shutil.copyfile(tmp_path / made, kept)
+
+
+def test_commands_on_pages_are_known():
+    """Programs of commands in blocks, words of each `pdvol ...` there and of each `./run pdvol ...` in a sentence."""
+    blocks = [block for page in PAGES for block in pages.blocks(page)]
+    there = [command for block in blocks for command in block.commands]
+    assert len(there) > 90 and all(any(re.match(start, command) for command in there) for start in NOT_RUN)
+    assert {command.split()[0] for block in blocks for command in tried(block)} == {"pdvol", "python", "mpirun"}
+    there += [command for page in PAGES for command in re.findall(r"`\./run (pdvol [^`\n]+)`", page.read_text())]
+    for command in there:
+        if command.startswith("pdvol ") and "--help" not in command:
+            cli.parse(shlex.split(command)[1:])
+    others = "\n".join(block.code for block in blocks if block.language == "")
+    assert re.findall(r"^(?:\$ )?(?:\./run|pdvol|pip|git) .*", others, re.MULTILINE) == [], "to be blocks `bash`"
 
 
 def test_every_study_is_listed():
     """docs/benchmarks.md has the command of each folder of benchmarks/ that has one."""
     listed = set(re.findall(r"`\./run python -m benchmarks\.(\w+)", (ROOT / "docs" / "benchmarks.md").read_text()))
     assert listed == {path.parent.name for path in (ROOT / "benchmarks").glob("*/__main__.py")}
-
-
-@pytest.mark.slow
-def test_the_tutorial_makes_what_it_shows(tmp_path, monkeypatch):
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert all(TUTORIAL.read_text().count(text) == 1 for text in SHORTER)
-    pages.run_page(TUTORIAL, tmp_path, SHORTER)
-    shown = pages.pictures(TUTORIAL)
-    assert len(shown) >= 4
-    for kept, made in shown:
-        assert kept.stat().st_size > 10_000, kept
-        assert (tmp_path / made).stat().st_size > 5_000, made
-    assert (tmp_path / "bear.html").is_file() and list((tmp_path / "out").iterdir())
-    assert [level.steps for level in pdvol.open_run(tmp_path / "runs" / "bear").levels] == [26, 26, 26]
-
-
-@pytest.mark.slow
-def test_the_loop_of_readme(tmp_path, monkeypatch):
-    """The five commands in order, as they stand there but for fewer variations and levels. The chosen variation keeps
-    its side of the spike on all levels.
-    """
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    (loop,) = [block for block in pages.blocks(README) if len(block.commands) > 1]
-    assert [words[0] for words in loop.commands] == ["preview", "wedge", "pick", "refine", "play"]
-    assert all(loop.code.count(text) == 1 for text in FEWER)
-    (tmp_path / "demos").symlink_to(ROOT / "demos")
-    pages.run_block(loop, tmp_path, FEWER)
-    previewed, chosen = (pdvol.open_run(tmp_path / "runs" / name) for name in ("ball_on_spike_preview", "chosen"))
-    assert [level.steps for level in previewed.levels] == [chosen.levels[0].steps]
-    assert [level.steps for level in chosen.levels] == [chosen.levels[0].steps] * 3
-    ends = [level.positions(level.steps - 1)[:, 0].mean() for level in chosen.levels]
-    assert min(np.abs(ends)) > 0.1 and np.ptp(ends) < 0.1, ends
-    assert (tmp_path / "shot.html").stat().st_size > 100_000

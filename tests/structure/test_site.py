@@ -19,6 +19,8 @@ import pdvol
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 LISTED = pages.reference(ROOT)
+MOST_WORDS = 2500  # of a page, generated ones included
+CODE_OR_TAG = re.compile(r"<(pre|math|svg)\b.*?</\1>|<[^>]*>", re.DOTALL)
 
 
 def own_function(thing: object, module: object) -> bool:
@@ -102,6 +104,8 @@ def test_the_site_builds_without_a_warning_and_asks_for_nothing_outside(tmp_path
     assert len(built) > len(list(DOCS.rglob("*.md")))
     fetched = re.compile(r"<(?:script|img|link|iframe|source)\b[^>]*\b(?:src|href)=\"(?:https?:)?//[^\"]*\"")
     assert [(p.name, hit) for p in built for hit in fetched.findall(p.read_text())] == []
+    texts = {page.name: re.sub(CODE_OR_TAG, " ", page.read_text().partition("<article")[2]) for page in built}
+    assert [name for name, text in texts.items() if len(re.findall(r"\S*\w\S*", text)) > MOST_WORDS] == []
     assert "<math" in (tmp_path / "site" / "method.html").read_text()
     assert (tmp_path / "site" / "source" / "pdvol" / "integrate" / "marches.py.html").exists()
 
