@@ -50,12 +50,7 @@ def draw_snapping(path: Path, coarse: LevelMesh, fine: LevelMesh, places: Mappin
 
 
 def draw_locality(
-    path: Path,
-    coarse: LevelMesh,
-    fine: LevelMesh,
-    barycentric: sp.csr_matrix,
-    whole: np.ndarray,
-    local: sp.csr_matrix,
+    path: Path, coarse: LevelMesh, fine: LevelMesh, barycentric: sp.csr_matrix, whole: np.ndarray, local: sp.csr_matrix
 ) -> None:
     """The weights of one coarse vertex of a 2D pair: by name, as a map over the fine mesh, and over the distance."""
     chosen = int(np.argmin(np.linalg.norm(coarse.points - coarse.points.mean(axis=0), axis=1)))
