@@ -10,7 +10,7 @@ from PIL import Image
 from demos.gallery import __main__ as gallery
 from demos.gallery.__main__ import PAGES, main
 from demos.gallery.entries import DEMOS
-from demos.gallery.film import FRAMES_PER_SECOND, MOST_BYTES, TILE, film_frames, fit_film, fit_picture
+from demos.gallery.film import FRAMES_PER_SECOND, TILE, film_frames, fit_film, fit_picture
 from demos.gallery.page import TO_WRITE
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, commit, simulate_small
@@ -54,7 +54,7 @@ def test_the_page_is_there_and_its_film_is_small(entry):
     for name in re.findall(r"\]\(([^)#]+)", text):
         assert (PAGES / name).exists(), name
     assert f"({entry.name}.webp)" in text
-    assert (PAGES / f"{entry.name}.webp").stat().st_size <= MOST_BYTES
+    assert (PAGES / f"{entry.name}.webp").stat().st_size <= entry.most
 
 
 @pytest.mark.slow
