@@ -18,8 +18,10 @@ ENTRIES = (
         "heterogeneous",
         "Soft and stiff on a trampoline",
         small={"vertices": (25, 50), "dt": 0.02, "steps": 35},
-        slow=(0.25, 0.65),
+        slow=(0.4, 0.9),
         size=(1260, 480),
+        most=250_000,
+        moment=0.98,
     ),
     Entry("rope_drop", "A rope falls in folds", slow=(0.2, 0.6), size=(1100, 480), moment=0.51),
     Entry(
@@ -136,6 +138,7 @@ ENTRIES = (
         beside=True,
         slow=(0.0, 0.6),
         size=(1200, 460),
+        most=250_000,
         moment=0.3,
     ),
     Entry(
