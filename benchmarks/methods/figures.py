@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.common.figures import over_time, panels
 from benchmarks.divergence.__main__ import distances
 from benchmarks.methods.studies import LITERAL, Study
-from demos.gallery.film import fit_picture
+from demos.gallery.film import COLOURS, fit_picture
 from pdvol import open_run
 from pdvol.measure import verify
 from pdvol.store.reader import Run, RunLevel
@@ -33,8 +33,6 @@ METRICS = {
 """What is drawn over time, by its name in `pdvol.runs.run_metrics`."""
 CROSSING = (0.85, 0.0, 0.05)
 """Red, green and blue from 0 to 1, of cells that cross."""
-COMPARED = ("barycentric", "biharmonic")
-"""The paper's interpolants in its figure of metrics."""
 
 
 def draw(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
@@ -42,7 +40,7 @@ def draw(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]
     for name in study.figures:
         out = path if name in ("shapes", "crossings") else path.with_stem(f"{path.stem}_{name}")
         FIGURES[name](out, study, records, runs)
-        fit_picture(out)
+        fit_picture(out, colours=256 if name == "crossings" else COLOURS)  # of 64, red is none
 
 
 def moments(study: Study, stored: Sequence[Run]) -> list[int]:
@@ -120,7 +118,7 @@ def sweep(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path
 def metrics(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
     """What `METRICS` names at each step of the finest level, a curve for each interpolant of a progressive run."""
     figure, (axes,) = panels((11.0, 3.6), 1, len(METRICS))
-    shown = [r for r in records if r["method"] == "progressive" and r["prolongation"] in COMPARED]
+    shown = [r for r in records if r["method"] == "progressive" and r["prolongation"] != "phong"]  # as the paper
     for one, (key, label) in zip(axes, METRICS.items(), strict=True):
         for k, record in enumerate(shown):
             first = 0 if key == "consistency" else 1
