@@ -87,5 +87,5 @@ STUDIES = {
     "dice_and_wizard": Study("dice_and_wizard", EMBEDDED, 60, 2, ("crossings",), (60,), across=3, shot=LETTER),
     "tracks": Study("tracks", (Case("progressive"), *pulled(0.0025, 0.025, 0.2, 0.6)), 120, 2, ("shapes",), (44, 120)),
     "slit_array": Study("slit_array", WEIGHED, 150, 8, ("sweep", "curves"), (44, 142)),
-    "slit_array_defaults": Study("slit_array", DEFAULTS, 150, 8, ("sweep", "curves"), (44, 142), settings={}),
+    "slit_array_defaults": Study("slit_array", DEFAULTS, 150, 8, ("sweep", "curves"), (142,), settings={}),
 }
