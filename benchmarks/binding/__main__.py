@@ -146,12 +146,14 @@ def all_weights(pair: Pair) -> tuple[sp.csr_matrix, np.ndarray, sp.csr_matrix]:
 LOCALITY_HEAD = ["levels", "vertices", "weights a vertex: barycentric", "biharmonic before"]
 LOCALITY_HEAD += [f"of these above {SMALL:g}", "biharmonic after", "largest change of a vertex's weights, summed"]
 LOCALITY_HEAD += ["distance [coarse edges] within which 99 % of the weights lie: before, after"]
-LOCALITY_HEAD += ["affine fields are missed by, after"]
+LOCALITY_HEAD += ["affine fields are missed by, after", "rows at coarse vertices miss the identity by: an entry, a row"]
 
 
 def locality_row(pair: Pair, barycentric: sp.csr_matrix, whole: np.ndarray, local: sp.csr_matrix) -> list[str]:
     """Numbers of weights, and how far they reach."""
     coarse, fine = pair.meshes
+    at = bind(*(LevelSpace(mesh, MPI.COMM_SELF) for mesh in pair.meshes)).matrix(fine)
+    apart = np.abs((at @ local).toarray() - np.eye(len(coarse.points)))
     missed = np.abs(local @ coarse.points - fine.points).max() / np.ptp(fine.points, axis=0).max()
     return [
         pair.name,
@@ -163,6 +165,7 @@ def locality_row(pair: Pair, barycentric: sp.csr_matrix, whole: np.ndarray, loca
         number(float(np.abs(local - whole).sum(axis=1).max()), 2),
         ", ".join(number(reach(weights, coarse, fine), 2) for weights in (whole, local.toarray())),
         f"{missed:.0e}",
+        f"{apart.max():.2g}, {apart.sum(axis=1).max():.2g}",
     ]
 
 
