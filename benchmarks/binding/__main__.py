@@ -3,7 +3,7 @@ after small ones are dropped (paper, figures "snapping coarse boundary vertices"
 
     ./run python -m benchmarks.binding
 
-It writes the tables of docs/binding.md between their markers, and the page's pictures.
+It writes the tables of NOTES.md beside this file between their markers, and the pictures of docs/binding.md.
 """
 
 import sys
@@ -31,6 +31,7 @@ from pdvol.meshing.build import build_levels
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.runs.scene_file import load_shot
 
+PICTURES = REPOSITORY / "docs" / "pictures"
 POOR = 0.1
 """Mean ratio, without a unit, below which a cell counts as poor: half of the worst cell that most levels have."""
 SMALL = 1e-3
@@ -77,12 +78,11 @@ PAIRS = (SIMILAR, SEAHORSE, Pair("slit_array", 0, 6), Pair("drop", 0, 0), Pair("
 @command(
     "binding",
     __doc__,
-    {"--docs": {"type": Path, "default": REPOSITORY / "docs" / "binding.md", "help": "where tables are kept"}},
+    {"--docs": {"type": Path, "default": Path(__file__).with_name("NOTES.md"), "help": "where tables are kept"}},
 )
 def main(options) -> None:
     """Runs the command; returns its exit code."""
-    page, pictures = Page(options.docs, "binding"), options.docs.parent / "pictures"
-    snapped, local = [], []
+    page, snapped, local = Page(options.docs, "binding"), [], []
     for pair in PAIRS:
         coarse, fine = pair.meshes
         places = {"boundary": snap(coarse, fine, boundary_only=True), "all": snap(coarse, fine)}
@@ -90,9 +90,9 @@ def main(options) -> None:
         weights = all_weights(pair)
         local.append(locality_row(pair, *weights))
         if pair is SIMILAR:
-            draw_snapping(pictures / "binding_snapping.png", coarse, fine, places)
+            draw_snapping(PICTURES / "binding_snapping.png", coarse, fine, places)
         if pair is SEAHORSE:
-            draw_locality(pictures / "binding_locality.png", coarse, fine, *weights)
+            draw_locality(PICTURES / "binding_locality.png", coarse, fine, *weights)
     tables = f"### Snapping\n\n{table(SNAPPING_HEAD, snapped)}\n\n### Locality\n\n{table(LOCALITY_HEAD, local)}"
     report = f"Measured at commit {commits.Repository(REPOSITORY).head()[:7]}.\n\n{tables}"
     print(report)

@@ -82,10 +82,7 @@ def judge(path: Path, case: Case, count: int) -> dict:
     """Findings about one run: metrics of its `count` coarsest levels, and defects of their states."""
     result, stored, levels = measure_run(path), open_run(path), []
     for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
-        record = {key: entry[key] for key in ("level", "summary")} | {
-            "vertices": len(level.rest),
-            **{key: entry.get(key) for key in METRICS},
-        }
+        record = {key: entry.get(key) for key in ("level", "summary", *METRICS)} | {"vertices": len(level.rest)}
         record["seconds"] = sum(r["seconds"]["cpu"] for r in level.log)
         levels.append(record | states(level, stored.obstacles))
     return {

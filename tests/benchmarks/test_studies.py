@@ -39,6 +39,7 @@ def test_bindings_have_tables_and_pictures(tmp_path, monkeypatch):
     page = tmp_path / "binding.md"
     page.write_text("before\n<!-- benchmarks.binding: tables -->\n<!-- benchmarks.binding: end -->\nafter\n")
     (tmp_path / "pictures").mkdir()
+    monkeypatch.setattr(binding, "PICTURES", tmp_path / "pictures")
     assert binding.main(["--docs", str(page)]) == 0
     assert page.read_text().count("| `extreme_shapes`") == 2 and len(list(tmp_path.glob("pictures/*.png"))) == 2
     columns = len(small.meshes[0].points)
