@@ -63,7 +63,7 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     pages, runs = tmp_path / "pages", tmp_path / "runs"
     monkeypatch.setattr(gallery, "PAGES", pages)
     melt = BY_NAME["melt"]
-    small = replace(melt, settings=melt.small, size=(320, 180), direct=True)
+    small = replace(melt, settings=melt.small, size=(640, 480), most=10**6, direct=True, beside=True)
     monkeypatch.setattr(gallery, "ENTRIES", (small,))
     assert main(["melt", "--runs", str(runs)]) == 0
     made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.suffix in (".md", ".html")}
