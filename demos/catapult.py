@@ -59,10 +59,7 @@ def scene(vertices=(90, 300), balls=(40, 120), young=8e6, angle=1.5, hold=0.1, m
             Support(lambda X: X[:, 1] < FOOT, body="arm"),
             Support(lambda X: X[:, 1] > LENGTH - LIP, body="arm", release=hold),
         ),
-        obstacles=(
-            Plane((0.0, -GAP), (0.0, 1.0), name="floor"),
-            Rigid(meshes.polygon(bucket), name="bucket"),
-        ),
+        obstacles=(Plane((0.0, -GAP), (0.0, 1.0), name="floor"), Rigid(meshes.polygon(bucket), name="bucket")),
         loads=(Gravity((0.0, -9.81)),),
         contact=(Barrier(), Friction(mu)),
         dt=dt,

@@ -29,7 +29,7 @@ from pdvol import (
 WIDTH, BED, LEG = 2.8, 0.7, 0.12  # m: the trampoline, the height of its bed, and its legs
 
 
-def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, steps=120, dt=0.01):
+def scene(vertices=(40, 100, 250, 600), drop=1.0, bounce=1e7, spin=0.0, mu=0.2, steps=140, dt=0.01):
     """All bodies fall from `drop` m and more on a bed of `bounce` Pa; the propeller turns at `spin` rad/s.
 
     `vertices` is the number for each body; the bed has twice as many. A spinning body as stiff as the propeller takes

@@ -3,7 +3,7 @@ after small ones are dropped (paper, figures "snapping coarse boundary vertices"
 
     ./run python -m benchmarks.binding
 
-It writes the tables of its NOTES.md between their markers, and the pictures of docs/binding.md.
+It writes the tables of NOTES.md beside this file between their markers, and the pictures of docs/binding.md.
 """
 
 import sys
@@ -31,6 +31,7 @@ from pdvol.meshing.build import build_levels
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.runs.scene_file import load_shot
 
+PICTURES = REPOSITORY / "docs" / "pictures"
 POOR = 0.1
 """Mean ratio, without a unit, below which a cell counts as poor: half of the worst cell that most levels have."""
 SMALL = 1e-3
@@ -77,14 +78,11 @@ PAIRS = (SIMILAR, SEAHORSE, Pair("slit_array", 0, 6), Pair("drop", 0, 0), Pair("
 @command(
     "binding",
     __doc__,
-    {
-        "--docs": {"type": Path, "default": Path(__file__).with_name("NOTES.md"), "help": "where tables are kept"},
-        "--pictures": {"type": Path, "default": REPOSITORY / "docs" / "pictures", "help": "folder of the pictures"},
-    },
+    {"--docs": {"type": Path, "default": Path(__file__).with_name("NOTES.md"), "help": "where tables are kept"}},
 )
 def main(options) -> None:
     """Runs the command; returns its exit code."""
-    snapped, local = [], []
+    page, snapped, local = Page(options.docs, "binding"), [], []
     for pair in PAIRS:
         coarse, fine = pair.meshes
         places = {"boundary": snap(coarse, fine, boundary_only=True), "all": snap(coarse, fine)}
@@ -92,13 +90,13 @@ def main(options) -> None:
         weights = all_weights(pair)
         local.append(locality_row(pair, *weights))
         if pair is SIMILAR:
-            draw_snapping(options.pictures / "binding_snapping.png", coarse, fine, places)
+            draw_snapping(PICTURES / "binding_snapping.png", coarse, fine, places)
         if pair is SEAHORSE:
-            draw_locality(options.pictures / "binding_locality.png", coarse, fine, *weights)
+            draw_locality(PICTURES / "binding_locality.png", coarse, fine, *weights)
     tables = f"### Snapping\n\n{table(SNAPPING_HEAD, snapped)}\n\n### Locality\n\n{table(LOCALITY_HEAD, local)}"
     report = f"Measured at commit {commits.Repository(REPOSITORY).head()[:7]}.\n\n{tables}"
     print(report)
-    Page(options.docs, "binding").write(report)
+    page.write(report)
 
 
 def snap(coarse: LevelMesh, fine: LevelMesh, boundary_only: bool = False) -> np.ndarray:
@@ -148,12 +146,14 @@ def all_weights(pair: Pair) -> tuple[sp.csr_matrix, np.ndarray, sp.csr_matrix]:
 LOCALITY_HEAD = ["levels", "vertices", "weights a vertex: barycentric", "biharmonic before"]
 LOCALITY_HEAD += [f"of these above {SMALL:g}", "biharmonic after", "largest change of a vertex's weights, summed"]
 LOCALITY_HEAD += ["distance [coarse edges] within which 99 % of the weights lie: before, after"]
-LOCALITY_HEAD += ["affine fields are missed by, after"]
+LOCALITY_HEAD += ["affine fields are missed by, after", "rows at coarse vertices miss the identity by: an entry, a row"]
 
 
 def locality_row(pair: Pair, barycentric: sp.csr_matrix, whole: np.ndarray, local: sp.csr_matrix) -> list[str]:
     """Numbers of weights, and how far they reach."""
     coarse, fine = pair.meshes
+    at = bind(*(LevelSpace(mesh, MPI.COMM_SELF) for mesh in pair.meshes)).matrix(fine)
+    apart = np.abs((at @ local).toarray() - np.eye(len(coarse.points)))
     missed = np.abs(local @ coarse.points - fine.points).max() / np.ptp(fine.points, axis=0).max()
     return [
         pair.name,
@@ -165,6 +165,7 @@ def locality_row(pair: Pair, barycentric: sp.csr_matrix, whole: np.ndarray, loca
         number(float(np.abs(local - whole).sum(axis=1).max()), 2),
         ", ".join(number(reach(weights, coarse, fine), 2) for weights in (whole, local.toarray())),
         f"{missed:.0e}",
+        f"{apart.max():.2g}, {apart.sum(axis=1).max():.2g}",
     ]
 
 

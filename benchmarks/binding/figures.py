@@ -9,6 +9,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, SymLogNorm
 
 from benchmarks.common.figures import over_time, panels
+from demos.gallery.film import fit_picture
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.studio.draw.layout import INK
@@ -47,15 +48,11 @@ def draw_snapping(path: Path, coarse: LevelMesh, fine: LevelMesh, places: Mappin
     bar.set_label("mean ratio of a cell", fontsize=8)
     bar.ax.tick_params(labelsize=8)
     figure.savefig(path, dpi=110)
+    fit_picture(path)
 
 
 def draw_locality(
-    path: Path,
-    coarse: LevelMesh,
-    fine: LevelMesh,
-    barycentric: sp.csr_matrix,
-    whole: np.ndarray,
-    local: sp.csr_matrix,
+    path: Path, coarse: LevelMesh, fine: LevelMesh, barycentric: sp.csr_matrix, whole: np.ndarray, local: sp.csr_matrix
 ) -> None:
     """The weights of one coarse vertex of a 2D pair: by name, as a map over the fine mesh, and over the distance."""
     chosen = int(np.argmin(np.linalg.norm(coarse.points - coarse.points.mean(axis=0), axis=1)))
@@ -84,3 +81,4 @@ def draw_locality(
     axes[3].set_yscale("log")
     over_time(axes[3], x="distance from the coarse vertex [m]", y="absolute weight")
     figure.savefig(path, dpi=110)
+    fit_picture(path)

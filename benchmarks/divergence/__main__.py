@@ -66,10 +66,7 @@ def draw(path: Path, runs: list[tuple[str, float, dict]]) -> None:
 @command(
     "divergence",
     __doc__,
-    {
-        "runs": {"nargs": "+", "type": Path, "metavar": "RUN"},
-        "-o --out": {"type": Path, "metavar": "FILE.png"},
-    },
+    {"runs": {"nargs": "+", "type": Path, "metavar": "RUN"}, "-o --out": {"type": Path, "metavar": "FILE.png"}},
 )
 def main(options) -> None:
     """Prints the table and draws the figure."""

@@ -26,7 +26,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "drop": ("demos/drop.py", ()),
     "ape": ("demos/ape.py", ("--steps", "200")),
     "twist": ("demos/twist.py", ()),
-    "heterogeneous": ("demos/heterogeneous.py", ()),
+    "heterogeneous": ("demos/heterogeneous.py", ("--set", "drop=0.4", "--steps", "120")),
     "rope": ("demos/rope_drop.py", ()),
     **{name: ("benchmarks/fronts/scenes.py", ("--set", f"name={name}")) for name in ("sliding_block", "tower")},
 }

@@ -1,11 +1,11 @@
 """Compares methods, interpolants and weights on a demo: runs its cases, prints a Markdown table of them and draws a
 figure.
 
-    ./run python -m benchmarks.methods rope_drop slit_array [--only WORDS] [--steps N] [--levels N] [--out runs/methods]
+    ./run python -m benchmarks.methods rope_drop slit_array [--only WORDS] [--steps N] [--levels N] [--docs] [--out DIR]
 
 Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; finished runs there are
-used again. Intersections are counted by `pdvol verify`, which is independent of the solver. The exit code is 2 for a
-wrong command line.
+used again. With `--docs` figures go to docs/pictures/methods_NAME.png. Intersections are counted by `pdvol verify`,
+which is independent of the solver. The exit code is 2 for a wrong command line.
 """
 
 import sys
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.common.scenes import FIRST_ORDER
+from benchmarks.common.process import REPOSITORY
 from benchmarks.common.study import command, each
 from benchmarks.common.tables import number, table
 from benchmarks.methods.figures import METRICS, draw
@@ -38,6 +38,7 @@ HEAD += ["smallest det F", "CPU time [s]"]
         "--steps": {"type": int, "help": "instead of the study's"},
         "--levels": {"type": int, "help": "only so many of the coarsest levels"},
         "--only": {"default": "", "metavar": "WORDS", "help": "only the cases whose name has these words in it"},
+        "--docs": {"action": "store_true", "help": "figures go to docs/pictures"},
         "--out": {"type": Path, "default": Path("runs/methods")},
     },
 )
@@ -63,12 +64,14 @@ def study(name: str, options) -> None:
     write_json(out / f"{name}.json", {"study": name, "cases": records})
     (out / f"{name}.md").write_text(text)
     print(f"{name}\n\n{text}")
-    draw(out / f"{name}.png", chosen, records, list(paths.values()))
+    figure = REPOSITORY / f"docs/pictures/methods_{name}.png" if options.docs else out / f"{name}.png"
+    draw(figure, chosen, records, list(paths.values()))
 
 
 def run(chosen: Study, case: Case, path: Path, options) -> None:
     """Simulates a case, or the steps that are missing."""
-    shot = load_shot(DEMOS / f"{chosen.demo}.py", FIRST_ORDER | case.settings, options.steps or chosen.steps)
+    settings = {**chosen.settings, **case.settings}
+    shot = load_shot(DEMOS / f"{chosen.demo}.py", settings, options.steps or chosen.steps)
     levels = options.levels or chosen.levels
     stored = open_run(path).levels if (path / "run.json").is_file() else ()
     if not (len(stored) >= levels and all(level.steps > shot.scene.steps for level in stored[:levels])):
@@ -79,10 +82,7 @@ def judge(path: Path, case: Case, count: int) -> dict:
     """Findings about one run: metrics of its `count` coarsest levels, and defects of their states."""
     result, stored, levels = measure_run(path), open_run(path), []
     for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
-        record = {key: entry[key] for key in ("level", "summary")} | {
-            "vertices": len(level.rest),
-            **{key: entry.get(key) for key in METRICS},
-        }
+        record = {key: entry.get(key) for key in ("level", "summary", *METRICS)} | {"vertices": len(level.rest)}
         record["seconds"] = sum(r["seconds"]["cpu"] for r in level.log)
         levels.append(record | states(level, stored.obstacles))
     return {
@@ -103,14 +103,11 @@ def states(level, obstacles) -> dict:
     rest = verify.signed_volumes(level.rest, level.cells)
     total = np.bincount(level.bodies, rest)
     crossing, pairs, change, smallest = 0, 0, 0.0, np.inf
+    others = [o for o in obstacles if o.kind != "plane"]
     for step in range(level.steps):
         x = level.positions(step)
         planes = [o.plane(step) for o in obstacles if o.kind == "plane"]
-        solids = [
-            (o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"])
-            for o in obstacles
-            if o.kind != "plane"
-        ]
+        solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in others]
         found = len(verify.crossings(x, facets, solids)) + sum(int(((x - p) @ n <= 0).sum()) for p, n in planes)
         crossing, pairs = crossing + (found > 0), pairs + found
         volumes = verify.signed_volumes(x, level.cells)

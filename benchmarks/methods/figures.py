@@ -3,6 +3,7 @@ time.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +11,18 @@ import numpy as np
 from benchmarks.common.figures import over_time, panels
 from benchmarks.divergence.__main__ import distances
 from benchmarks.methods.studies import LITERAL, Study
+from demos.gallery.film import COLOURS, fit_picture
 from pdvol import open_run
+from pdvol.measure import verify
 from pdvol.store.reader import Run, RunLevel
-from pdvol.studio.draw.camera import cameras_of_run
-from pdvol.studio.draw.compose import Grid, Pane, Pen, frames, renderer_by
-from pdvol.studio.draw.layout import write_png
+from pdvol.studio.draw.compose import Grid, Pane, Pen, composed
+from pdvol.studio.draw.layout import rgb, write_png
+from pdvol.studio.draw.views import STANDARD_SHOT, Shot
 from pdvol.studio.shown import PALETTE
 from pdvol.studio.wedge.variation import length
 
-WIDTH, SMALL_WIDTH, ABOVE = 300, 170, 34
-"""Pixels of one picture, of one of a sweep, and of the words above."""
-ACROSS = 5
-"""Pictures side by side at most, where each case has a column."""
+WIDTH, GAP, ABOVE = 880, 4, 34
+"""Pixels of a figure, between its pictures, and of the words above each."""
 FLOOR = 1e-7
 """Share of the largest value below which nothing is drawn over time: rounding, before anything touches."""
 METRICS = {
@@ -30,17 +31,16 @@ METRICS = {
     "consistency": "consistency d, to the level below [kg m²]",
 }
 """What is drawn over time, by its name in `pdvol.runs.run_metrics`."""
-COMPARED = ("barycentric", "biharmonic")
-"""The paper's interpolants in its figure of metrics."""
+CROSSING = (0.85, 0.0, 0.05)
+"""Red, green and blue from 0 to 1, of cells that cross."""
 
 
 def draw(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
-    """The study's figures: NAME.png of its shapes, and NAME_FIGURE.png of each other one."""
+    """The study's figures, made small: NAME.png of its shapes or crossings, and NAME_FIGURE.png of each other one."""
     for name in study.figures:
-        FIGURES[name](path if name == "shapes" else path.with_name(f"{path.stem}_{name}.png"), study, records, runs)
-
-
-# ---- pictures
+        out = path if name in ("shapes", "crossings") else path.with_stem(f"{path.stem}_{name}")
+        FIGURES[name](out, study, records, runs)
+        fit_picture(out, colours=256 if name == "crossings" else COLOURS)  # of 64, red is none
 
 
 def moments(study: Study, stored: Sequence[Run]) -> list[int]:
@@ -49,61 +49,76 @@ def moments(study: Study, stored: Sequence[Run]) -> list[int]:
     return sorted({min(step, last) for step in study.moments})
 
 
-def pictures(path: Path, shown: Sequence[tuple[Pane, int]], columns: int, width: int) -> None:
+def pictures(path: Path, shown: Sequence[tuple[Pane, int]], columns: int, shot: Shot = STANDARD_SHOT) -> None:
     """Draws panes, each at its step, by one camera."""
     panes, steps = zip(*shown, strict=True)
-    levels = [pane.level for pane in panes if pane.level is not None]
-    camera = cameras_of_run(panes[0].run, levels, sorted(set(steps)))[0]
-    size = (width, round(width / camera.aspect))
-    grid = Grid(len(panes), columns, size, above=ABOVE, gap=4)
-    (page,) = frames(renderer_by(camera, size), grid, panes, [[(step, None) for step in steps]])
-    write_png(path, page)
+    moments = sorted(set(steps))
+    grid, shot = Grid(len(panes), columns, above=ABOVE, gap=GAP), replace(shot, width=(WIDTH + GAP) // columns - GAP)
+    write_png(path, next(composed(panes, moments, shot, grid, [[moments.index(step) for step in steps]])))
 
 
-def pane(run: Run, level: RunLevel, *lines: str) -> Pane:
+def pane(run: Run, level: RunLevel, *lines: str, colours: np.ndarray | None = None) -> Pane:
     """A level below so many lines of words."""
 
     def words(pen: Pen, step: int) -> None:
         for k, line in enumerate(lines):
             pen.text(4, 15 * k + 9 - ABOVE, line, 11)
 
-    return Pane(run, level, words)
+    return Pane(run, level, words, colours)
 
 
 def shapes(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
-    """Level 0 of the first case and the finest level of every one, a column each, a row a moment."""
+    """Rows of moments: level 0 of the first case, then the finest level of each; as many cases as there is room for,
+    and the others below.
+    """
     stored = [open_run(run) for run in runs]
     names = [record["name"].split(" ", 1) for record in records]
-    columns = [pane(stored[0], stored[0].levels[0], "level 0")]
-    columns += [pane(run, run.levels[-1], *name) for run, name in zip(stored, names, strict=True)]
-    across, shown = min(len(columns), ACROSS), []
-    columns += [Pane(None, None)] * (-len(columns) % across)
-    for first in range(0, len(columns), across):
-        shown += [(one, step) for step in moments(study, stored) for one in columns[first : first + across]]
-    pictures(path, shown, across, WIDTH)
+    cases = [pane(run, run.levels[-1], *name) for run, name in zip(stored, names, strict=True)]
+    first, shown = pane(stored[0], stored[0].levels[0], "level 0"), []
+    beside = min(study.across, len(cases) + 1) - 1
+    cases += [Pane(None, None)] * (-len(cases) % beside)
+    for k in range(0, len(cases), beside):
+        shown += [(one, step) for step in moments(study, stored) for one in (first, *cases[k : k + beside])]
+    pictures(path, shown, beside + 1)
+
+
+def crossings(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
+    """The finest level of each case at the study's moment, cut open; before embedded ones their level 0. Cells are red
+    whose boundary triangles an edge of the boundary goes through; the triangles are counted.
+    """
+    stored, shown = [open_run(run) for run in runs], []
+    (step,) = moments(study, stored)
+    for record, run in zip(records, stored, strict=True):
+        for level in (run.levels[:1] if record["method"] == "embedded" else ()) + run.levels[-1:]:
+            through = verify.crossings(level.positions(step), level.surface)
+            triangles = {tuple(sorted(vertex for _, vertex in one[2:])) for one in through}
+            colours = np.array([rgb(PALETTE[body % len(PALETTE)]) for body in level.bodies]) / 255.0
+            for triangle in triangles:
+                colours[np.isin(level.cells, triangle).sum(axis=1) == 3] = CROSSING
+            words = record["name"] if level.index else f"level 0, {' '.join(record['name'].split()[2:])}"
+            said = f"{len(triangles):,} of {len(level.surface):,} triangles are crossed"
+            shown.append((pane(run, level, words, said, colours=colours), step))
+    pictures(path, shown, study.across, study.shot)
 
 
 def sweep(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
     """All levels of the paper's cases at the study's moments, a row each, with their distance from level 0."""
     weights = [record["settings"]["consistency"] for record in records]
     stored = {weight: open_run(run) for weight, run in zip(weights, runs, strict=True) if weight != LITERAL}
-    apart = {weight: distances(run) for weight, run in stored.items()}
-    shown = []
+    apart, shown = {weight: distances(run) for weight, run in stored.items()}, []
     for step in moments(study, list(stored.values())):
         for weight, run in stored.items():
-            far = ["", *(length(float(apart[weight][level.index, 0][step])) for level in run.levels[1:])]
-            words = [f"w = {weight:g}, frame {step}", *(f"level {level.index}" for level in run.levels[1:])]
+            far = [f"frame {step}"]
+            far += [length(float(apart[weight][level.index, 0][step])) for level in run.levels[1:]]
+            words = [f"w = {weight:g}", *(f"level {level.index}" for level in run.levels[1:])]
             shown += [(pane(run, level, words[k], far[k]), step) for k, level in enumerate(run.levels)]
-    pictures(path, shown, len(next(iter(stored.values())).levels), SMALL_WIDTH)
-
-
-# ---- curves
+    pictures(path, shown, len(run.levels))
 
 
 def metrics(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
     """What `METRICS` names at each step of the finest level, a curve for each interpolant of a progressive run."""
     figure, (axes,) = panels((11.0, 3.6), 1, len(METRICS))
-    shown = [r for r in records if r["method"] == "progressive" and r["prolongation"] in COMPARED]
+    shown = [r for r in records if r["method"] == "progressive" and r["prolongation"] != "phong"]  # as the paper
     for one, (key, label) in zip(axes, METRICS.items(), strict=True):
         for k, record in enumerate(shown):
             first = 0 if key == "consistency" else 1
@@ -124,10 +139,10 @@ def curves(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Pat
         _curve(right, level["consistency"], held["dt"], colour, f"level {level['level']}")
     for one, title in ((left, f"finest level ({len(records[0]['levels']) - 1})"), (right, "each level, w = 0.025")):
         _logarithmic(one, METRICS["consistency"], title)
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=80)
 
 
-FIGURES = {"shapes": shapes, "sweep": sweep, "metrics": metrics, "curves": curves}
+FIGURES = {"shapes": shapes, "crossings": crossings, "sweep": sweep, "metrics": metrics, "curves": curves}
 """How each is drawn: (path, study, records, runs)."""
 
 

@@ -59,8 +59,8 @@ def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
     shown, *variants = found = [measured(each, runs) for each in entry.rows]
     if drawn:
         for each in found:
-            write_film(each.entry, each.run, PAGES / f"{each.entry.name}.webp")
-        write_picture(entry, shown.run, PAGES / f"{entry.name}.png")
+            write_film(each.entry, each.run, PAGES / f"{each.entry.name}.webp", each.beside)
+        write_picture(entry, shown.run, PAGES / f"{entry.name}.png", shown.beside)
         write_tile(entry, shown.run, ENTRIES, PAGES / "sheet.png")
         if entry.binding:
             write_binding(shown.run, PAGES / f"{entry.name}_binding.png")
@@ -78,7 +78,8 @@ def measured(entry: Entry, runs: Path) -> Shown:
     direct = simulate(entry, runs / f"{entry.name}_direct", "direct") if entry.direct else None
     made, made_directly = note(run.path), {} if direct is None else note(direct.path)
     write_costs(run, direct, made, made_directly, PAGES / f"{entry.name}.json")
-    return Shown(entry, run, table_of_levels(run, direct), claims(entry, run), made, made_directly)
+    beside = direct if entry.beside else None
+    return Shown(entry, run, table_of_levels(run, direct), claims(entry, run), made, made_directly, beside)
 
 
 if __name__ == "__main__":

@@ -34,9 +34,10 @@ class Entry:
     settings, small : of the scene in the gallery; what tests change to run it within seconds
     view, turn, cut : of films and pictures: `pdvol render --camera`, degrees about the vertical, and `--cut`
     direct : whether a second run says how far levels part that are simulated each on its own
+    beside : whether the picture, and a short film, have that run's levels above the refined ones
     binding : whether the page has a picture of how level 1 is bound to level 0
     slow : first and last second of films in slow motion, a stored state a frame
-    size, moment : of the film [pixels]; second shown on the contact sheet
+    size, most, moment : of the film [pixels], [bytes] at most; second shown on the contact sheet
     variants : more runs of the page
     demo : name of the demo, where it is not that of the page
     """
@@ -49,9 +50,11 @@ class Entry:
     turn: float = 0.0
     cut: str = ""
     direct: bool = True
+    beside: bool = False
     binding: bool = False
     slow: tuple[float, float] | None = None
     size: tuple[int, int] = (1200, 440)
+    most: int = 400_000
     moment: float = 0.5
     variants: tuple[Variant, ...] = ()
     demo: str = ""

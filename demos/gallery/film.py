@@ -17,16 +17,17 @@ from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 from pdvol.studio.draw.compose import Grid, Pane, composed
 from pdvol.studio.draw.film import film_steps
-from pdvol.studio.draw.layout import BACKGROUND, INK, font
-from pdvol.studio.draw.picture import render
+from pdvol.studio.draw.film import write_film as encode
+from pdvol.studio.draw.layout import BACKGROUND, INK, font, write_png
+from pdvol.studio.draw.picture import FILM_HEADER, chosen_steps, film_pane, render
 from pdvol.studio.draw.views import Shot
 
 FRAMES_PER_SECOND = 24.0
 PAUSE = 0.75  # s that the last state stands before a film begins again
-MOST_BYTES = 400_000  # of a film
 TRIALS = (
     (960, 2, 60),
     (880, 2, 40),
+    (720, 2, 40),
     (800, 3, 40),
     (720, 3, 35),
     (720, 4, 35),
@@ -35,6 +36,8 @@ TRIALS = (
     (480, 6, 25),
 )
 """Width of a film [pixels], how many frames become one, and the quality of 100: the first that fits is taken."""
+MOST_FRAMES = 120  # of a film with direct levels: more do not fit into its bytes
+MOMENTS, PANE = 3, 200  # of a picture with direct levels: moments, and the width of a level in it [pixels]
 WIDEST, COLOURS = 880, 64  # pixels, of a picture in the repository; a sixth of the bytes of true colour
 TILE, LABEL, SHEET_COLUMNS = (300, 225), 30, 4  # pixels, of a demo on the contact sheet and of its title; tiles a row
 
@@ -57,15 +60,43 @@ def film_frames(steps: int, dt: float, slow: tuple[float, float] | None) -> list
     return frames + [steps] * round(PAUSE * FRAMES_PER_SECOND)
 
 
-def write_film(entry: Entry, run: Run, out: Path) -> Path:
-    """The levels beside each other, as an animated WebP, which a page shows like a picture."""
-    frames = film_frames(run.info["steps"], run.dt, entry.slow)
-    return fit_film(render(run, out, steps=frames, shot=replace(seen(entry), size=entry.size, fps=FRAMES_PER_SECOND)))
+def write_film(entry: Entry, run: Run, out: Path, direct: Run | None = None) -> Path:
+    """The levels beside each other, as an animated WebP, which a page shows like a picture; those of a run by the
+    direct method above them, where the film is short.
+    """
+    steps = film_frames(run.info["steps"], run.dt, entry.slow)
+    if direct is None or len(steps) > MOST_FRAMES:
+        shot = replace(seen(entry), size=entry.size, fps=FRAMES_PER_SECOND)
+        return fit_film(render(run, out, steps=steps, shot=shot), entry.most)
+    panes, columns = both(run, direct)
+    grid = Grid(len(panes), columns, above=FILM_HEADER).filling(entry.size)
+    return fit_film(encode(out, composed(panes, steps, seen(entry), grid), FRAMES_PER_SECOND), entry.most)
 
 
-def write_picture(entry: Entry, run: Run, out: Path) -> Path:
-    """Rows are levels, columns are moments."""
-    return fit_picture(render(run, out, shot=replace(seen(entry), width=260)))
+def write_picture(entry: Entry, run: Run, out: Path, direct: Run | None = None) -> Path:
+    """Rows are levels, columns are moments. With a run by the direct method, columns are levels, and each of `MOMENTS`
+    moments has a row of direct levels above one of refined ones.
+    """
+    if direct is None:
+        return fit_picture(render(run, out, shot=replace(seen(entry), width=260)))
+    panes, columns = both(run, direct)
+    steps = chosen_steps(run.levels[0], run.info["steps"], MOMENTS + 1)[1:]
+    order = [[k for k in range(MOMENTS) for _ in panes]]
+    grid = Grid(MOMENTS * len(panes), columns, above=FILM_HEADER)
+    write_png(out, next(composed(panes * MOMENTS, steps, replace(seen(entry), width=PANE), grid, order)))
+    return fit_picture(out)
+
+
+def both(run: Run, direct: Run) -> tuple[list[Pane], int]:
+    """The direct levels, then the refined ones, with words above each; and how many levels there are."""
+    named = ((direct, "direct"), (run, "refined"))
+    count = min(len(each.levels) for each, _ in named)
+    panes = [
+        film_pane(each, level, f"level {level.index}", f"{name}, {len(level.rest):,} vertices")
+        for each, name in named
+        for level in each.levels[:count]
+    ]
+    return panes, count
 
 
 def seen(entry: Entry) -> Shot:
@@ -127,7 +158,7 @@ def fit_picture(path: Path, widest: int = WIDEST, colours: int = COLOURS) -> Pat
     return path
 
 
-def fit_film(path: Path, most: int = MOST_BYTES) -> Path:
+def fit_film(path: Path, most: int = Entry.most) -> Path:
     """Make an animated WebP at most so many bytes large: narrower, with fewer frames and coarser, no more than needed.
     Where no trial fits, the last one is kept.
     """

@@ -56,6 +56,7 @@ class Shown:
     levels : the table of levels
     claims : sentences of the demo's claim, and whether they hold
     made, made_directly : commits and machine of the run, and of that by the direct method; empty where unknown
+    beside : the run by the direct method, where film and picture have its levels, too
     """
 
     entry: Entry
@@ -64,6 +65,7 @@ class Shown:
     claims: Sequence[tuple[str, bool]]
     made: Mapping[str, Any]
     made_directly: Mapping[str, Any]
+    beside: Run | None = None
 
 
 def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = ()) -> Path:
@@ -81,11 +83,7 @@ def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = ()) -> Path
     for variant in variants:
         title = variant.entry.title.rpartition(": ")[2]
         film = f"{variant.entry.name}.webp"
-        parts += [
-            _headed(before, f"## {title}", title, film),
-            _claims(variant),
-            variant.levels,
-        ]
+        parts += [_headed(before, f"## {title}", title, film), _claims(variant), variant.levels]
     parts += [_made(each) for each in (shown, *variants)]
     write_bytes(out, ("\n\n".join(parts) + "\n").encode())
     return out

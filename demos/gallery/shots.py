@@ -49,8 +49,7 @@ def write_costs(
     """
     directly = costs(direct) if direct else []
     write_json(
-        out,
-        {"made": dict(made), "levels": costs(run), "made_directly": dict(made_directly), "direct": directly},
+        out, {"made": dict(made), "levels": costs(run), "made_directly": dict(made_directly), "direct": directly}
     )
 
 

@@ -11,13 +11,17 @@ ENTRIES = (
         slow=(0.3, 1.1),
         moment=0.48,
     ),
-    Entry("ball_on_spike", "A ball on a spike", slow=(0.2, 0.6), size=(1200, 420), moment=0.45),
+    Entry(
+        "ball_on_spike", "A ball on a spike", beside=True, slow=(0.2, 0.6), size=(900, 560), most=250_000, moment=0.45
+    ),
     Entry(
         "heterogeneous",
         "Soft and stiff on a trampoline",
         small={"vertices": (25, 50), "dt": 0.02, "steps": 35},
-        slow=(0.25, 0.65),
+        slow=(0.4, 0.9),
         size=(1260, 480),
+        most=250_000,
+        moment=0.98,
     ),
     Entry("rope_drop", "A rope falls in folds", slow=(0.2, 0.6), size=(1100, 480), moment=0.51),
     Entry(
@@ -82,13 +86,7 @@ ENTRIES = (
         size=(1080, 720),
         moment=1.1,
     ),
-    Entry(
-        "hollow_cube",
-        "A ball in a hollow cube",
-        small={"steps": 40, "dt": 0.02},
-        cut="z=0:cube",
-        size=(1000, 460),
-    ),
+    Entry("hollow_cube", "A ball in a hollow cube", small={"steps": 40, "dt": 0.02}, cut="z=0:cube", size=(1000, 460)),
     Entry(
         "dice_and_wizard",
         "A gnome on a letter block",
@@ -137,15 +135,14 @@ ENTRIES = (
         "ape",
         "A gorilla is thrown up",
         small={"vertices": (120, 250), "steps": 60},
+        beside=True,
         slow=(0.0, 0.6),
         size=(1200, 460),
+        most=250_000,
         moment=0.3,
     ),
     Entry(
-        "drop",
-        "A bear cub falls on stones",
-        small={"vertices": (150, 300), "dt": 0.02, "steps": 35},
-        slow=(0.25, 0.65),
+        "drop", "A bear cub falls on stones", small={"vertices": (150, 300), "dt": 0.02, "steps": 35}, slow=(0.25, 0.65)
     ),
     Entry(
         "twist",
@@ -173,15 +170,7 @@ ENTRIES = (
         size=(840, 430),
         moment=5.9,
     ),
-    Entry(
-        "roll",
-        "A sponge roll",
-        small={"steps": 12},
-        direct=False,
-        slow=(0.0, 0.35),
-        size=(1000, 460),
-        moment=0.3,
-    ),
+    Entry("roll", "A sponge roll", small={"steps": 12}, direct=False, slow=(0.0, 0.35), size=(1000, 460), moment=0.3),
     Entry(
         "bodies_at_rest",
         "Sixty toys on a shelf",

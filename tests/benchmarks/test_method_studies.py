@@ -61,13 +61,13 @@ def test_a_short_study(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_metrics_of_interpolants_are_drawn(tmp_path):
+def test_metrics_of_interpolants_and_crossings_are_drawn(tmp_path):
     words = ["rope_drop", "--only", "progressive", "--levels", "2", "--steps", "3", "--out", str(tmp_path)]
-    assert methods.main(words) == 0
+    assert methods.main(words) == 0 and methods.main(["dice_and_wizard", *words[3:]]) == 0
     cases = json.loads((tmp_path / "rope_drop.json").read_text())["cases"]
     assert [case["prolongation"] for case in cases] == ["barycentric", "biharmonic", "phong"]
     for case in cases:
         finest = case["levels"][1]
         assert [len(finest[key]) for key in ("continuity", "continuity_error", "consistency")] == [3, 3, 4]
-    for name in ("rope_drop.png", "rope_drop_metrics.png"):
+    for name in ("rope_drop.png", "rope_drop_metrics.png", "dice_and_wizard.png"):
         assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"

@@ -10,7 +10,7 @@ from PIL import Image
 from demos.gallery import __main__ as gallery
 from demos.gallery.__main__ import PAGES, main
 from demos.gallery.entries import DEMOS
-from demos.gallery.film import FRAMES_PER_SECOND, MOST_BYTES, TILE, film_frames, fit_film, fit_picture
+from demos.gallery.film import FRAMES_PER_SECOND, TILE, film_frames, fit_film, fit_picture
 from demos.gallery.page import TO_WRITE
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, commit, simulate_small
@@ -54,7 +54,7 @@ def test_the_page_is_there_and_its_film_is_small(entry):
     for name in re.findall(r"\]\(([^)#]+)", text):
         assert (PAGES / name).exists(), name
     assert f"({entry.name}.webp)" in text
-    assert (PAGES / f"{entry.name}.webp").stat().st_size <= MOST_BYTES
+    assert (PAGES / f"{entry.name}.webp").stat().st_size <= entry.most
 
 
 @pytest.mark.slow
@@ -63,7 +63,7 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     pages, runs = tmp_path / "pages", tmp_path / "runs"
     monkeypatch.setattr(gallery, "PAGES", pages)
     melt = BY_NAME["melt"]
-    small = replace(melt, settings=melt.small, size=(320, 180), direct=True)
+    small = replace(melt, settings=melt.small, size=(640, 480), most=10**6, direct=True, beside=True)
     monkeypatch.setattr(gallery, "ENTRIES", (small,))
     assert main(["melt", "--runs", str(runs)]) == 0
     made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.suffix in (".md", ".html")}

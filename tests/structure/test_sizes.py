@@ -13,7 +13,7 @@ import pytest
 from benchmarks.common.commits import MissingObject, Repository
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST_BYTES = {"a file": 500_000, "the tree": 18_950_000}
+MOST_BYTES = {"a file": 500_000, "the tree": 18_930_000}
 LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 """Files that may be larger: a library that players and live pages carry whole."""
 CODE = (".py", ".c", ".h", ".js")
@@ -23,7 +23,7 @@ LINES = {
     "studio": (("pdvol/studio",), 12_108),
     "tests": (("tests",), 36_240),
     "benchmarks": (("benchmarks",), 4_835),
-    "demos": (("demos",), 3_850),
+    "demos": (("demos",), 3_829),
 }
 """`core` is all but the studio and its vendored library."""
 WORDS = 25_000

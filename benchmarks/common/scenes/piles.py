@@ -13,19 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import pdvol
-from pdvol import (
-    Barrier,
-    Body,
-    Friction,
-    NeoHookean,
-    Placement,
-    Plane,
-    Rigid,
-    Rotation,
-    Scene,
-    Solver,
-    Translation,
-)
+from pdvol import Barrier, Body, Friction, NeoHookean, Placement, Plane, Rigid, Rotation, Scene, Solver, Translation
 from pdvol.meshes import Solid, ball, bowl, brick, cylinder
 
 sys.path.append(str(Path(__file__).resolve().parents[3]))  # as a scene file it is no part of a package

@@ -12,19 +12,7 @@ from pathlib import Path as File
 import numpy as np
 
 import pdvol
-from pdvol import (
-    Body,
-    NeoHookean,
-    Outline,
-    Path,
-    Placement,
-    Rigid,
-    Rotation,
-    Scene,
-    Sequential,
-    Support,
-    Translation,
-)
+from pdvol import Body, NeoHookean, Outline, Path, Placement, Rigid, Rotation, Scene, Sequential, Support, Translation
 from pdvol.meshes import ball, bar, box, cylinder, extrude, torus, turned
 
 sys.path.append(str(File(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
