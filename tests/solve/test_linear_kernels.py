@@ -271,7 +271,7 @@ def test_the_coarse_correction_is_galerkins(space):
     G[np.diag_indices(len(G))] *= 1.0 + COARSE_DIAGONAL_SHIFT
     r = np.zeros((space.n_owned, 4))
     r[:, :d] = np.random.default_rng(3).standard_normal((space.n_owned, d))
-    z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * (d + 4) + 4)
+    z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * d + system.compiled.width)
     native.library.add_coarse_correction(system.compiled, pointer(r), pointer(room), pointer(z, "float"))
     expected = P @ np.linalg.solve(G, P.T @ r[:, :d].ravel())
     np.testing.assert_allclose(z[:, :d].ravel(), expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
@@ -287,7 +287,7 @@ def test_dependent_coarse_nodes_do_no_harm(space):
         coarse = CoarseSpace(space, csr_array(P.astype(float)), system.all_supported)
         assert coarse.update(system.rows)
         coarse.give(system.compiled)
-        z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * (space.dim + 4) + 4)
+        z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * space.dim + system.compiled.width)
         residual = np.ones((space.n_owned, 4))
         native.library.add_coarse_correction(system.compiled, pointer(residual), pointer(room), pointer(z, "float"))
         assert np.isfinite(z).all() and 0.0 < np.abs(z).max() < 1e3

@@ -171,7 +171,7 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
                         double *solution, int32_t *iterations)
 {
     const int64_t m = 4 * (int64_t)s->count;
-    double *r = calloc(4 * m + (int64_t)s->nodes * (s->d + 4) + SPARE, sizeof(double)), *p = r + m, *q = p + m, *x = q + m, *coarse = x + m;
+    double *r = calloc(4 * m + (int64_t)s->nodes * s->d + s->width, sizeof(double)), *p = r + m, *q = p + m, *x = q + m, *coarse = x + m;
     float *z = malloc((m + 4 * (int64_t)s->others) * sizeof(float) + 1);
     int reason = TOO_MANY;
     double first = 0.0, before = 1.0;

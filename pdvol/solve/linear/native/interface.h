@@ -33,19 +33,17 @@ typedef struct {
     int32_t nodes;                           /* coarse vertices; 0 for none */
     const int32_t *p_starts, *p_columns;     /* prolongation of the owned vertices */
     const double *p_weights;
-    const int32_t *order;                    /* the place of each coarse vertex in the factor L D L' of coarse_factor */
-    const int32_t *l_starts, *l_rows;
-    const double *l_blocks, *pivots;
+    const double *band;                      /* columns (nodes d, width) of the factor L of P' A P = L L', each from the diagonal down */
+    int32_t width;                           /* a multiple of four; what is left of a column is zero */
     const ranks_t *ranks;                    /* NULL on one rank */
 } linear_system;
 
 int incomplete_cholesky(const linear_system *system, double drop);
+/* P' A P of this rank's rows of A, on or right of the diagonal. P: CSR over all vertices. Lists the blocks of nodes i >= j in `sums` under the keys
+ * i nodes + j, and returns their number; room for as many as there are such keys. places (nodes, nodes): zeros at first. */
 int64_t coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
                         const double *blocks, const int32_t *p_starts, const int32_t *p_columns, const double *p_weights,
-                        int64_t nodes, int64_t room, int64_t *keys, double *sums);
-int64_t coarse_order(int64_t nodes, int64_t count, const int64_t *keys, int32_t *order, int32_t *parent, int32_t *l_starts);
-int coarse_factor(int d, int64_t n, int64_t count, const int64_t *keys, const double *blocks, double shift, const int32_t *order,
-                  const int32_t *parent, const int32_t *l_starts, int32_t *l_rows, double *l_blocks, double *pivots);
+                        int64_t nodes, int32_t *places, int64_t *keys, double *sums);
 void split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
                 const double *blocks, int32_t *own_starts, int32_t *own_columns, double *own_blocks,
                 int32_t *far_starts, int32_t *far_columns, double *far_blocks);
@@ -69,6 +67,6 @@ int conjugate_gradients(const linear_system *system, const double *right, const 
                         int32_t most, double *solution, int32_t *iterations);
 /* z (count + others, 4) = (R' R)^-1 z. */
 void precondition_locally(const linear_system *system, float *z);
-/* Adds P (P' A P)^-1 P' residual (count, 4) to z (count, 4); x: room for nodes (d + 4) + SPARE numbers. */
+/* Adds P (P' A P)^-1 P' residual (count, 4) to z (count, 4); x: room for nodes d + width numbers. */
 void add_coarse_correction(const linear_system *system, const double *residual, double *x, float *z);
 #endif
