@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
@@ -32,7 +31,6 @@ from pdvol.stages import stage
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
 ffi = cffi.FFI()
-DECLARED: list["Library"] = []
 
 
 @cache
@@ -65,50 +63,41 @@ def compiler() -> list[str]:
     raise InputError(f"no C compiler: {missing}; install gcc, or run: pip install ziglang")
 
 
-def build_beside(*modules: str) -> None:
-    """Builds the libraries that these modules and those loaded before declare, in a thread, unless they exist. Where
-    that fails, their first use does.
-    """
-    for module in modules:
-        import_module(module)
-
-    def build() -> None:
-        with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
-            for library in DECLARED:
-                library.load()
-
-    Thread(target=build, name="pdvol-compiler").start()
-
-
 class Library:
-    """The functions of a folder's C files, built and loaded when the first of them is needed.
+    """The functions of a folder's C files: `library[d]` has those for dimension d, built and loaded when the first of
+    them is needed.
 
     Parameters
     ----------
     folder : whose interface.h, which its C files include, is declared to `ffi` at once, without preprocessor lines
-    definitions : macros of the compiler's command line
+    definitions : macros of the compiler's command line, besides the dimension DIM
     """
 
     def __init__(self, folder: Path, definitions: Mapping[str, int] | None = None):
         lines = (folder / "interface.h").read_text().splitlines(keepends=True)
         ffi.cdef("".join(line for line in lines if not line.startswith("#")))
-        self._load, self._lock = cache(lambda: load(folder, definitions)), Lock()
-        DECLARED.append(self)
+        self._load = lambda d: _load(folder, {**(definitions or {}), "DIM": d})
+        self._loaded: dict[int, Any] = {}
+        self._lock = Lock()
 
-    def load(self) -> Any:
-        """The loaded library, built unless it exists."""
-        with self._lock:
-            return self._load()
+    def __getitem__(self, d: int) -> Any:
+        if d not in self._loaded:
+            with self._lock:
+                self._loaded[d] = self._loaded.get(d) or self._load(d)
+        return self._loaded[d]
 
-    def __getattr__(self, name: str) -> Any:
-        function = getattr(self.load(), name)
-        setattr(self, name, function)  # from then on it is found without this call
-        return function
+    def build_beside(self, d: int = 3) -> None:
+        """Builds those for dimension d in a thread, unless they exist. Where that fails, their first use does."""
+
+        def build() -> None:
+            with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
+                self[d]
+
+        Thread(target=build, name="pdvol-compiler").start()
 
 
-def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
-    """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists. Headers
-    that folders share are two folders above.
+def _load(folder: Path, definitions: Mapping[str, int]) -> Any:
+    """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists.
 
     Two processes may build it at once: each builds aside and renames.
 
@@ -118,9 +107,8 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
         The C compiler is missing, or fails.
     """
     paths = sorted(folder.glob("*.c"))
-    headers = sorted(folder.glob("*.h")) + sorted(folder.parents[1].glob("*.h"))
-    contents = b"".join(path.read_bytes() for path in (*paths, *headers))
-    words = [f"-D{name}={value}" for name, value in (definitions or {}).items()]
+    contents = b"".join(path.read_bytes() for path in (*paths, *sorted(folder.glob("*.h"))))
+    words = [f"-D{name}={value}" for name, value in definitions.items()]
     key = hashlib.sha256(contents + " ".join([*compiler(), *FLAGS, *words]).encode()).hexdigest()[:16]
     target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():

@@ -9,8 +9,8 @@ import numpy as np
 import ufl
 
 from pdvol.compat import fem
+from pdvol.compiled import FLAGS
 from pdvol.forms.kinematics import deformation_gradient
-from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.compiled_forms import form_cache
 
@@ -32,7 +32,7 @@ class CauchyStress:
         )
         stress = ufl.diff(term.psi(F, **self._parameters), F) * F.T / ufl.det(F)
         middle = np.full((1, d), 1.0 / (d + 1))
-        with form_cache(self.space.comm, (stress, middle), native.FLAGS) as options:
+        with form_cache(self.space.comm, (stress, middle), FLAGS) as options:
             self._expression = fem.Expression(stress, middle, jit_options=options)
 
     def add_to(self, stresses: np.ndarray, positions: np.ndarray) -> None:

@@ -105,20 +105,19 @@ def test_a_missing_compiler_is_named_on_one_line(started, tmp_path):
 
 
 def test_declared_code_is_compiled_before_its_first_use(tmp_path, monkeypatch):
-    """A library of two files, in a thread."""
+    """A library of two files, in a thread; and that of another dimension when it is used."""
     monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(compiled, "DECLARED", [])
     folder = tmp_path / "code" / "native"
     folder.mkdir(parents=True)
     (folder / "interface.h").write_text("double one_of_two(void);\ndouble two_of_two(void);\n")
-    for name, value in (("one", 1), ("two", 2)):
+    for name, value in (("one", "DIM"), ("two", 2)):
         (folder / f"{name}.c").write_text(f'#include "interface.h"\ndouble {name}_of_two(void) {{ return {value}; }}\n')
     library, end = compiled.Library(folder), time.monotonic() + SAFETY
-    compiled.build_beside()
+    library.build_beside()
     while not list(tmp_path.glob("cache/code-*")):
         assert time.monotonic() < end
         time.sleep(0.01)
-    assert (library.one_of_two(), library.two_of_two()) == (1.0, 2.0)
+    assert [(library[d].one_of_two(), library[d].two_of_two()) for d in (2, 3)] == [(2.0, 2.0), (3.0, 2.0)]
 
 
 def test_which_compiler_is_taken(tmp_path, monkeypatch):

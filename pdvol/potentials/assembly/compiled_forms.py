@@ -25,10 +25,9 @@ import ufl
 from mpi4py import MPI
 
 from pdvol.compat import jit
-from pdvol.compiled import compiler
+from pdvol.compiled import cache_folder, compiler
 from pdvol.errors import InputError
 from pdvol.parallel import on_root
-from pdvol.potentials.assembly import native
 from pdvol.stages import stage
 
 ASIDE = "aside-"
@@ -70,7 +69,7 @@ def kept_folder(comm: MPI.Comm, form: ufl.Form | Expression, how: str) -> Iterat
     ----------
     how : in what way it is compiled
     """
-    folder = native.cache_folder() / "forms"
+    folder = cache_folder() / "forms"
     kept = folder / _name(form, how) if comm.rank == 0 else folder
     used, new = on_root(comm, lambda: (kept, False) if kept.is_dir() else (_folder_aside(folder), True))
     try:

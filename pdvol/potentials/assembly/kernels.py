@@ -17,9 +17,9 @@ from mpi4py import MPI
 from pdvol import compat
 from pdvol.compiled import FLAGS, build, compiler, ffi
 from pdvol.errors import InputError
+from pdvol.native import LANES
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.compiled_forms import kept_folder
-from pdvol.potentials.assembly.native import LANES
 
 # what kernels are compiled for: F is given, so the cell's shape does not matter, and an interval's costs least
 UNIT = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(1,)))

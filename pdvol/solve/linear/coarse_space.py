@@ -15,8 +15,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from pdvol.compiled import integers, pointer
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
+from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import BlockCsr, pointers
-from pdvol.solve.linear import native
 
 # vertices of grids over the square root of the level's: with twice as many the factor costs what iterations save (of
 # 100,000 vertices a quarter fewer iterations, a tenth more time), and with half as many heaps of bodies lose the
@@ -167,10 +167,10 @@ class CoarseSpace:
         # as many as there can be: pages that stay unused take no memory
         room = min(n * (n + 1) // 2, int(np.diff(self.starts).max()) ** 2 * len(rows[1]))
         keys, sums, places = np.empty(room, np.int64), np.empty((room, d, d)), np.zeros((n, n), np.int32)
-        matrix = (self.space.n_owned, self.space.first_block, *pointers(rows))
+        matrix = self.space.n_owned, self.space.first_block, pointers(rows)
         P = *integers(self.starts, self.columns), pointer(self.weights)
         listed = *integers(places), pointer(keys, "int64_t"), pointer(sums)
-        count = native.library.coarse_operator(d, *matrix, *P, n, *listed)
+        count = library[d].coarse_operator(*matrix, *P, n, *listed)
         return keys[:count], sums[:count]
 
     def give(self, system: Any) -> None:

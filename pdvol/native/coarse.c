@@ -1,21 +1,18 @@
 /* The coarse correction P (P' A P)^-1 P' of a prolongation P with scalar weights, the same for every component. */
 #include "linear.h"
-#include <string.h>
 
-INLINE int64_t galerkin(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks,
-                        const int32_t *p_starts, const int32_t *p_columns, const double *p_weights, int64_t nodes, int32_t *places, int64_t *keys,
-                        double *sums)
+int64_t coarse_operator(int64_t rows, int64_t first, const rows_t *A, const int32_t *p_starts, const int32_t *p_columns, const double *p_weights,
+                        int64_t nodes, int32_t *places, int64_t *keys, double *sums)
 {
-    const int dd = d * d;
     int64_t known = 0;
     for (int64_t i = first; i < first + rows; ++i)
-        for (int64_t k = starts[i - first]; k < starts[i - first + 1]; ++k) {
-            const int64_t j = columns[k];
+        for (int64_t k = A->starts[i - first]; k < A->starts[i - first + 1]; ++k) {
+            const int64_t j = A->columns[k];
             if (j < first) /* the lower rank's */
                 continue;
             for (int64_t q = p_starts[i]; q < p_starts[i + 1]; ++q)
                 for (int64_t r = p_starts[j]; r < p_starts[j + 1]; ++r) {
-                    const double *A = blocks + k * dd, w = (i == j ? 0.5 : 1.0) * p_weights[q] * p_weights[r];
+                    const double *block = A->blocks + k * dd, w = (i == j ? 0.5 : 1.0) * p_weights[q] * p_weights[r];
                     const int64_t row = p_columns[q], column = p_columns[r];
                     const int64_t key = row < column ? column * nodes + row : row * nodes + column;
                     if (!places[key]) {
@@ -26,21 +23,13 @@ INLINE int64_t galerkin(int d, int64_t rows, int64_t first, const int32_t *start
                     if (row < column)
                         for (int a = 0; a < d; ++a)
                             for (int b = 0; b < d; ++b)
-                                sum[a * d + b] += w * A[b * d + a];
+                                sum[a * d + b] += w * block[b * d + a];
                     else
                         for (int e = 0; e < dd; ++e)
-                            sum[e] += w * A[e];
+                            sum[e] += w * block[e];
                 }
         }
     return known;
-}
-
-int64_t coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks,
-                        const int32_t *p_starts, const int32_t *p_columns, const double *p_weights, int64_t nodes, int32_t *places, int64_t *keys,
-                        double *sums)
-{
-    return d == 3 ? galerkin(3, rows, first, starts, columns, blocks, p_starts, p_columns, p_weights, nodes, places, keys, sums)
-                  : galerkin(2, rows, first, starts, columns, blocks, p_starts, p_columns, p_weights, nodes, places, keys, sums);
 }
 
 /* x = (L L')^-1 x; zeros follow x (n) and each column of the band. */
@@ -62,7 +51,7 @@ static void solve_coarse(int64_t n, int64_t width, const double *band, double *x
     }
 }
 
-INLINE void correct(int d, const linear_system *s, const double *residual, double *x, float *z)
+void add_coarse_correction(const linear_system *s, const double *residual, double *x, float *z)
 {
     const int64_t n = (int64_t)s->nodes * d;
     memset(x, 0, (n + s->width) * sizeof(double));
@@ -80,12 +69,4 @@ INLINE void correct(int d, const linear_system *s, const double *residual, doubl
         for (int a = 0; a < d; ++a)
             z[i * 4 + a] += (float)sum[a];
     }
-}
-
-void add_coarse_correction(const linear_system *s, const double *residual, double *x, float *z)
-{
-    if (s->d == 3)
-        correct(3, s, residual, x, z);
-    else
-        correct(2, s, residual, x, z);
 }
