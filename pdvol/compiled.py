@@ -10,7 +10,8 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
@@ -29,6 +30,10 @@ from pdvol.stages import stage
 # options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
 # kind of processor, and no errno or traps, which would prevent vectorisation
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+ASIDE = "aside-"
+"""How the names of the folders in which processes compile begin."""
+ABANDONED_SECONDS = 86_400.0
+"""Age [s] of such a folder from which on it is that of a killed process. Compiling takes seconds."""
 
 ffi = cffi.FFI()
 
@@ -99,8 +104,6 @@ class Library:
 def _load(folder: Path, definitions: Mapping[str, int]) -> Any:
     """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists.
 
-    Two processes may build it at once: each builds aside and renames.
-
     Raises
     ------
     InputError
@@ -110,14 +113,29 @@ def _load(folder: Path, definitions: Mapping[str, int]) -> Any:
     contents = b"".join(path.read_bytes() for path in (*paths, *sorted(folder.glob("*.h"))))
     words = [f"-D{name}={value}" for name, value in definitions.items()]
     key = hashlib.sha256(contents + " ".join([*compiler(), *FLAGS, *words]).encode()).hexdigest()[:16]
-    target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
+    target = kept(f"{folder.parent.name}-{key}", "compiling C code", lambda built: build(paths, built, words))
+    return ffi.dlopen(str(target))
+
+
+def kept(name: str, doing: str, make: Callable[[Path], None]) -> Path:
+    """A shared library of this name in the cache folder, which `make` builds unless it exists.
+
+    Two processes may build it at once, and one may be killed: each builds aside and renames, and nobody waits.
+    """
+    target = cache_folder() / f"{name}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent) as aside, stage("compiling C code"):
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=ASIDE) as aside, stage(doing):
             built = Path(aside) / target.name
-            build(paths, built, words)
+            make(built)
+            with built.open("rb") as file:
+                os.fsync(file.fileno())  # a machine that stops must not leave a name without its contents
             os.replace(built, target)
-    return ffi.dlopen(str(target))
+        for left in target.parent.glob(ASIDE + "*"):
+            with suppress(OSError):
+                if time.time() - left.stat().st_mtime > ABANDONED_SECONDS:
+                    shutil.rmtree(left)
+    return target
 
 
 def build(sources: Sequence[Path], target: Path, words: Sequence[str] = ()) -> None:
