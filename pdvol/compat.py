@@ -25,7 +25,7 @@ try:
     import ffcx.compiler
     import ffcx.options
     import ufl
-    from dolfinx import fem, geometry, jit, la
+    from dolfinx import fem, geometry, la
     from mpi4py import MPI
     from petsc4py import PETSc
 except ImportError as error:
@@ -46,7 +46,6 @@ __all__ = [
     "geometry",
     "geometry_dofmap",
     "index_map",
-    "jit",
     "la",
 ]
 

@@ -10,11 +10,11 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
@@ -30,9 +30,12 @@ from pdvol.stages import stage
 # options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
 # kind of processor, and no errno or traps, which would prevent vectorisation
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+ASIDE = "aside-"
+"""How the names of the folders in which processes compile begin."""
+ABANDONED_SECONDS = 86_400.0
+"""Age [s] of such a folder from which on it is that of a killed process. Compiling takes seconds."""
 
 ffi = cffi.FFI()
-DECLARED: list["Library"] = []
 
 
 @cache
@@ -65,52 +68,41 @@ def compiler() -> list[str]:
     raise InputError(f"no C compiler: {missing}; install gcc, or run: pip install ziglang")
 
 
-def build_beside(*modules: str) -> None:
-    """Builds the libraries that these modules and those loaded before declare, in a thread, unless they exist. Where
-    that fails, their first use does.
-    """
-    for module in modules:
-        import_module(module)
-
-    def build() -> None:
-        with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
-            for library in DECLARED:
-                library.load()
-
-    Thread(target=build, name="pdvol-compiler").start()
-
-
 class Library:
-    """The functions of a folder's C files, built and loaded when the first of them is needed.
+    """The functions of a folder's C files: `library[d]` has those for dimension d, built and loaded when the first of
+    them is needed.
 
     Parameters
     ----------
     folder : whose interface.h, which its C files include, is declared to `ffi` at once, without preprocessor lines
-    definitions : macros of the compiler's command line
+    definitions : macros of the compiler's command line, besides the dimension DIM
     """
 
     def __init__(self, folder: Path, definitions: Mapping[str, int] | None = None):
         lines = (folder / "interface.h").read_text().splitlines(keepends=True)
         ffi.cdef("".join(line for line in lines if not line.startswith("#")))
-        self._load, self._lock = cache(lambda: load(folder, definitions)), Lock()
-        DECLARED.append(self)
+        self._load = lambda d: _load(folder, {**(definitions or {}), "DIM": d})
+        self._loaded: dict[int, Any] = {}
+        self._lock = Lock()
 
-    def load(self) -> Any:
-        """The loaded library, built unless it exists."""
-        with self._lock:
-            return self._load()
+    def __getitem__(self, d: int) -> Any:
+        if d not in self._loaded:
+            with self._lock:
+                self._loaded[d] = self._loaded.get(d) or self._load(d)
+        return self._loaded[d]
 
-    def __getattr__(self, name: str) -> Any:
-        function = getattr(self.load(), name)
-        setattr(self, name, function)  # from then on it is found without this call
-        return function
+    def build_beside(self, d: int = 3) -> None:
+        """Builds those for dimension d in a thread, unless they exist. Where that fails, their first use does."""
+
+        def build() -> None:
+            with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
+                self[d]
+
+        Thread(target=build, name="pdvol-compiler").start()
 
 
-def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
-    """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists. Headers
-    that folders share are two folders above.
-
-    Two processes may build it at once: each builds aside and renames.
+def _load(folder: Path, definitions: Mapping[str, int]) -> Any:
+    """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists.
 
     Raises
     ------
@@ -118,18 +110,32 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
         The C compiler is missing, or fails.
     """
     paths = sorted(folder.glob("*.c"))
-    headers = sorted(folder.glob("*.h")) + sorted(folder.parents[1].glob("*.h"))
-    contents = b"".join(path.read_bytes() for path in (*paths, *headers))
-    words = [f"-D{name}={value}" for name, value in (definitions or {}).items()]
+    contents = b"".join(path.read_bytes() for path in (*paths, *sorted(folder.glob("*.h"))))
+    words = [f"-D{name}={value}" for name, value in definitions.items()]
     key = hashlib.sha256(contents + " ".join([*compiler(), *FLAGS, *words]).encode()).hexdigest()[:16]
-    target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
+    target = kept(f"{folder.parent.name}-{key}", "compiling C code", lambda built: build(paths, built, words))
+    return ffi.dlopen(str(target))
+
+
+def kept(name: str, doing: str, make: Callable[[Path], None]) -> Path:
+    """A shared library of this name in the cache folder, which `make` builds unless it exists.
+
+    Two processes may build it at once, and one may be killed: each builds aside and renames, and nobody waits.
+    """
+    target = cache_folder() / f"{name}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent) as aside, stage("compiling C code"):
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=ASIDE) as aside, stage(doing):
             built = Path(aside) / target.name
-            build(paths, built, words)
+            make(built)
+            with built.open("rb") as file:
+                os.fsync(file.fileno())  # a machine that stops must not leave a name without its contents
             os.replace(built, target)
-    return ffi.dlopen(str(target))
+        for left in target.parent.glob(ASIDE + "*"):
+            with suppress(OSError):
+                if time.time() - left.stat().st_mtime > ABANDONED_SECONDS:
+                    shutil.rmtree(left)
+    return target
 
 
 def build(sources: Sequence[Path], target: Path, words: Sequence[str] = ()) -> None:

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.model import ContactModel, LevelModel
 from pdvol.levels.script import Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments, Pulling
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
-from pdvol.potentials.loads import assemble_mass, load_terms
+from pdvol.potentials.loads import load_terms
 from pdvol.potentials.muscles import ActiveFibres
 from pdvol.potentials.potential import Potential
 
@@ -56,7 +57,7 @@ def build_terms(
     script : of the obstacles' motions; all on time where not given
     own : terms of a user's own
     """
-    mass = assemble_mass(space, model.materials.density)
+    mass = np.tile(space.from_input(lumped_masses(space.mesh, model.materials.density))[:, None], space.dim)
     contacts, frictions = contact_terms(model.contact, model.obstacles, space, script)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, mass)

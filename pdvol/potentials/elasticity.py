@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 import ufl
 
+from pdvol.compiled import pointer
 from pdvol.errors import InputError
 from pdvol.forms.elasticity import GUARDED, volume_barrier
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
+from pdvol.native import library
 from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, Values
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.assembly.native import library, pointer
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
 
 TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the square root of round-off
@@ -77,7 +78,7 @@ class Elastic(CellEnergy):
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
     ) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
-        return library.volume_step(self._domains, pointer(x.local), pointer(moved), LEAST_LEFT)
+        return library[self.space.dim].volume_step(self._domains, pointer(x.local), pointer(moved), LEAST_LEFT)
 
 
 class CellGuard(Elastic):
@@ -162,7 +163,7 @@ class Damping(CellEnergy):
         whole = np.tile(np.eye(3), (len(C), 1, 1))
         whole[:, :d, :d] = C
         metrics = np.empty_like(whole)
-        library.stretch_metrics(len(C), pointer(whole), pointer(metrics))
+        library[d].stretch_metrics(len(C), pointer(whole), pointer(metrics))
         return metrics[:, :d, :d]
 
 

@@ -1,36 +1,16 @@
-"""Lumped mass, assembled from its UFL form, and the loads of a scene, which are shares of a vector."""
+"""The loads of a scene, which are shares of a vector."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import ufl
 
-from pdvol.compat import fem, la
-from pdvol.forms.inertia import inertia
 from pdvol.geometry.closed_surfaces import pressed_facets
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
 from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.potential import Positions, Potential, Term
 from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Pressure, at_time
-
-
-def _assemble(space: LevelSpace, form: ufl.Form) -> np.ndarray:
-    with form_cache(space.comm, form) as options:
-        compiled = fem.form(form, jit_options=options)
-    vector = fem.assemble_vector(compiled)
-    vector.scatter_reverse(la.InsertMode.add)
-    return vector.array[: space.n_owned * space.dim].reshape(-1, space.dim).copy()
-
-
-def assemble_mass(space: LevelSpace, densities: np.ndarray) -> np.ndarray:
-    """Lumped masses [kg] of owned vertices, shape (n_owned, d), equal along rows. Collective."""
-    ones = fem.Function(space.V)
-    ones.x.array[:] = 1.0
-    energy = inertia(space.cell_function(densities, "density"), ones, space.domain)
-    return _assemble(space, ufl.derivative(energy, ones, ufl.TestFunction(space.V)))
 
 
 class DeadLoad(Term):

@@ -8,44 +8,36 @@ from which forces come.
 import numpy as np
 import ufl
 
-from pdvol.compat import fem
-from pdvol.forms.kinematics import deformation_gradient
-from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy
-from pdvol.potentials.assembly.compiled_forms import form_cache
+from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
 
 
 class CauchyStress:
-    """Stresses of one `CellEnergy` [Pa], on one rank alone: construction compiles its expression."""
+    """Stresses of one `CellEnergy` [Pa], on one rank alone: construction compiles their kernel."""
 
     def __init__(self, term: CellEnergy):
-        self.space, self._term = term.space, term
-        self._mine = np.isin(np.arange(len(self.space.mesh.cells)), term.domains.cells)
-        domain, V = self.space.domain, self.space.V
-        self._x = fem.Function(V)
-        constant = fem.functionspace(domain, ("DG", 0))
-        self._parameters = {name: fem.Function(constant) for name in term.parameters}
-        F = deformation_gradient(self._x)
-        d = self.space.dim
+        self._mesh, self._term, d = term.space.mesh, term, term.space.dim
+        self._mine = np.isin(np.arange(len(self._mesh.cells)), term.domains.cells)
+        self._F = ufl.Coefficient(tensors((d, d)))
+        self._parameters = {ufl.Coefficient(tensors()): name for name in term.parameters}
         F = ufl.variable(
-            ufl.as_matrix([[F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)])
+            ufl.as_matrix([[self._F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)])
         )
-        stress = ufl.diff(term.psi(F, **self._parameters), F) * F.T / ufl.det(F)
-        middle = np.full((1, d), 1.0 / (d + 1))
-        with form_cache(self.space.comm, (stress, middle), native.FLAGS) as options:
-            self._expression = fem.Expression(stress, middle, jit_options=options)
+        given = {name: coefficient for coefficient, name in self._parameters.items()}
+        stress = ufl.diff(term.psi(F, **given), F) * F.T / ufl.det(F)
+        self._kernel = Kernel(term.space.comm, ufl.inner(stress, ufl.TestFunction(tensors((3, 3)))) * ONE_POINT)
 
     def add_to(self, stresses: np.ndarray, positions: np.ndarray) -> None:
         """Writes the stresses (m, 3, 3) of the term's cells at positions (n, d), both in the input's order; with the
         term's parameters as they are.
         """
-        for name, values in self._term.parameters.items():
-            self._parameters[name].x.array[:] = np.where(self._mine, values, 1.0)[self.space.domain_cells]
-        self._x.x.array[:] = self.space.from_input(positions).ravel()
-        local = np.arange(len(self.space.mesh.cells), dtype=np.int32)
-        found = np.empty_like(stresses)
-        found[self.space.domain_cells] = self._expression.eval(self.space.domain, local).reshape(-1, 3, 3)
-        stresses[self._mine] = found[self._mine]
+        cells = np.flatnonzero(self._mine)
+        F = np.einsum("kia,kij->kaj", positions[self._mesh.cells[cells]], self._mesh.gradients_in(cells))
+        values = {
+            coefficient: self._term.parameters[name][cells, None] for coefficient, name in self._parameters.items()
+        } | {self._F: F.reshape(len(cells), -1)}
+        found = self._kernel.evaluate(np.hstack([values[coefficient] for coefficient in self._kernel.coefficients]))
+        stresses[cells] = found.reshape(-1, 3, 3)
 
 
 def von_mises(stresses: np.ndarray) -> np.ndarray:

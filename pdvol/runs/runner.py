@@ -12,7 +12,6 @@ from typing import Any
 from mpi4py import MPI
 from threadpoolctl import threadpool_limits
 
-from pdvol.compiled import build_beside
 from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
@@ -20,6 +19,7 @@ from pdvol.levels.obstacles import placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import initial_velocity, way_up
 from pdvol.levels.start import start_positions
 from pdvol.meshing.cache import installed
+from pdvol.native import library
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.known_scenes import is_own_run, note_run
@@ -125,7 +125,7 @@ def run_scene(
     if wavefront and comm.size > 1:
         raise InputError("--wavefront starts a process per level; leave out mpirun, or run levels one after the other")
     require_ranks(ranks, comm)
-    build_beside(*(["pdvol.potentials.contact.native"] if scene.contact else []))
+    library.build_beside()
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, how.replace))
     marched = range(first, last + 1 if levels.refused is None else levels.refused.level)
     if levels.refused is not None and not marched:

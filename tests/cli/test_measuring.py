@@ -16,8 +16,6 @@ from cli_scenes import FALL, SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.space import LevelSpace
-from pdvol.potentials.loads import assemble_mass
 from pdvol.runs.run_metrics import animation_line, last_animation, motion_from_level_0
 from pdvol.store.writer import RunWriter
 from shapes import box
@@ -158,14 +156,6 @@ def test_measures_between_levels(folder, progressive):
     # the x_hat of a direct step the quotient would be near one.
     assert fine["summary"]["continuity"]["median"] > 1e6
     assert coarse["summary"]["continuity"]["median"] == pytest.approx(0.25, rel=1e-2)
-
-
-def test_masses_are_the_solver_s(folder):
-    for level in open_run(folder / "direct").levels:
-        space, density = LevelSpace(level.mesh, MPI.COMM_SELF), np.full(len(level.mesh.cells), 1000.0)
-        np.testing.assert_allclose(
-            lumped_masses(level.mesh, density), space.to_input(assemble_mass(space, density))[:, 0], rtol=1e-12
-        )
 
 
 def test_against_another_run(folder, direct, progressive, tmp_path, capsys, final_pictures):

@@ -7,12 +7,12 @@ import pytest
 import barrier_law
 import contact_reference
 from contact_reference import DHAT, KAPPA, crossing_tetrahedra, random_tetrahedra, surface_of, two_boxes
+from pdvol.compiled import ffi
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import CONTACT, FADE
 from pdvol.potentials.contact.friction import LaggedFriction
-from pdvol.potentials.contact.native import ffi
 from pdvol.potentials.potential import Positions
 from shapes import box, grid, level
 from taylor import hessian_of

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pdvol.potentials.contact.native as native
 from contact_reference import to_facets, to_segment
+from pdvol import native
 from pdvol.compiled import FLAGS
 
 PROGRAM = """
@@ -36,10 +36,10 @@ def compiled(tmp_path_factory):
     """Calls of the header's inline functions: distances from arrays."""
     folder = tmp_path_factory.mktemp("distances")
     (folder / "distances.c").write_text(PROGRAM)
-    header = f"-I{Path(native.__file__).parent}"
+    header = [f"-I{Path(native.__file__).parent}", "-DDIM=3"]
     built = str(folder / "distances.so")
     subprocess.run(
-        ["cc", *FLAGS, header, "-shared", "-fPIC", str(folder / "distances.c"), "-o", built, "-lm"], check=True
+        ["cc", *FLAGS, *header, "-shared", "-fPIC", str(folder / "distances.c"), "-o", built, "-lm"], check=True
     )
     library = ctypes.CDLL(built)
 

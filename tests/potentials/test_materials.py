@@ -9,10 +9,10 @@ import pytest
 import ufl
 from mpi4py import MPI
 
+from pdvol import native
 from pdvol.errors import InputError
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy, Density
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.elasticity import Damping

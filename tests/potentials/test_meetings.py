@@ -148,8 +148,10 @@ def test_an_expected_gap_has_the_force_that_stops_a_mass():
     assert push == pytest.approx(spring * (-shift[2] - fall), rel=PRESSED_GAP_SHARE)
 
 
-def thrown(d, mu, young, steps=12):
-    """Newton iterations, and the energies [J] after the first three steps, of a block thrown onto another one."""
+def thrown(d, mu, young, speed=6.0, steps=12):
+    """Newton iterations, and the energies [J] after the first three steps, of a block that falls onto another one at a
+    speed [m/s].
+    """
     up = np.eye(d)[-1]
     scene = make_scene(
         (NeoHookean(young, 0.4, 1000.0),) * 2,
@@ -162,22 +164,23 @@ def thrown(d, mu, young, steps=12):
     cuts = (4,) * d
     low = block((0.0,) * (d - 1) + (4e-3,), (0.3,) * (d - 1) + (0.204,), cuts)
     high = block((0.05,) * (d - 1) + (0.21,), (0.33,) * (d - 1) + (0.41,), cuts)
-    velocity = np.where(np.arange(len(low.points) + len(high.points))[:, None] < len(low.points), -0.5, -6.0) * up
+    velocity = np.where(np.arange(len(low.points) + len(high.points))[:, None] < len(low.points), -0.5, -speed) * up
     reports = list(march(make_stepper(scene, together(low, high)), steps, velocity=velocity))
     return sum(r.newton_iterations for r in reports), [sum(r.energy.values()) for r in reports[:3]]
 
 
 @pytest.mark.parametrize("d, mu, young", [(2, 0.3, 3e4), (3, 0.0, 3e4), (3, 0.3, 3e2)])
 def test_predictions_spare_iterations_and_leave_the_minimum_where_it_is(monkeypatch, d, mu, young):
-    """They spare two fifths where much meets, between blocks that fold; these have several minima. Between stiffer ones
-    a few vertices may slide without a change of energy.
+    """They spare two fifths where much meets, between blocks that fold; these have several minima, so that two starts
+    are taken together. Between stiffer ones a few vertices may slide without a change of energy.
     """
-    fewer, found = thrown(d, mu, young)
-    monkeypatch.setattr(ContactBarrier, "predict", lambda *_, **__: False)
-    iterations, expected = thrown(d, mu, young)
     folds = young < 1e3
-    assert fewer < (0.75 if folds else 1.1) * iterations
-    assert folds or found == pytest.approx(expected, rel=1e-9)
+    speeds = (5.99, 6.0) if folds else (6.0,)
+    fewer, found = zip(*(thrown(d, mu, young, speed) for speed in speeds), strict=True)
+    monkeypatch.setattr(ContactBarrier, "predict", lambda *_, **__: False)
+    iterations, expected = zip(*(thrown(d, mu, young, speed) for speed in speeds), strict=True)
+    assert sum(fewer) < (0.75 if folds else 1.1) * sum(iterations)
+    assert folds or found[0] == pytest.approx(expected[0], rel=1e-9)
 
 
 @pytest.mark.parametrize("factor", [1.0, 5.0])
@@ -207,7 +210,7 @@ def test_the_line_search_begins_where_collision_detection_allows_and_predictions
     monkeypatch.setattr(Newton, "_begin_iteration", begun)
     if factor > 1.0:
         monkeypatch.setattr(newton, "step_factor", lambda *_: factor)
-    thrown(3, 0.0, 3e2, 6)
+    thrown(3, 0.0, 3e2, steps=6)
     new, raw = np.array(ends).T
     assert len(new) > 5 and np.all(new < raw + 1e-9 * np.abs(raw))
     assert factor == 1.0 or longer > 0

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pdvol.compiled import pointer
+from pdvol.compiled import ffi, pointer
 from pdvol.geometry.rigid_motions import best_rotations
-from pdvol.potentials.contact.native import ffi, library
+from pdvol.native import library
 from pdvol.potentials.contact.surface import Primitives
 from pdvol.potentials.potential import LEAST_LEFT
 
@@ -78,7 +78,7 @@ def step_of(start: np.ndarray, end: np.ndarray, edges: bool) -> float:
     alone = ffi.new("pairs_t *", {"n_points": count % 2, "n_edges": count // 2})
     kept = np.array([pair], dtype=np.int32)
     alone.points = alone.edges = pointer(kept, "int32_t")
-    return library.longest_step(surface.c, pointer(x), pointer(y), DHAT, LEAST_LEFT, alone, 1.0)
+    return library[surface.d].longest_step(surface.c, pointer(x), pointer(y), DHAT, LEAST_LEFT, alone, 1.0)
 
 
 def distance_of(place: np.ndarray, edges: bool) -> float:

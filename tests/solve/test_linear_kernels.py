@@ -5,11 +5,11 @@ import pytest
 from mpi4py import MPI
 from scipy.sparse import csr_array
 
+from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
+from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.assembly.native import pointer
-from pdvol.solve.linear import native
 from pdvol.solve.linear.coarse_space import COARSE_DIAGONAL_SHIFT, COARSE_VERTICES, CoarseSpace, grid_weights
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from shapes import box, together
@@ -37,7 +37,7 @@ def factored(system, drop=0.0):
     """The incomplete factor, named to the system, and the number of tries."""
     tries = system.factor_incompletely(drop)
     count = system.compiled.factor_starts[system.compiled.count]
-    numbers = native.ffi.buffer(system.compiled.factor, 4 * count * system.compiled.d**2)
+    numbers = ffi.buffer(system.compiled.factor, 4 * count * system.space.dim**2)
     return np.frombuffer(numbers, dtype=np.float32), tries
 
 
@@ -45,7 +45,7 @@ def applied(system, residual):
     """(R' R)^-1 residual."""
     z = np.zeros((len(residual), 4), dtype=np.float32)
     z[:, : residual.shape[1]] = residual
-    native.library.precondition_locally(system.compiled, pointer(z, "float"))
+    library[residual.shape[1]].precondition_locally(system.compiled, pointer(z, "float"))
     assert not z[:, residual.shape[1] :].any(), "numbers behind a vertex's own are not zero"
     return z[:, : residual.shape[1]].astype(float)
 
@@ -271,8 +271,8 @@ def test_the_coarse_correction_is_galerkins(space):
     G[np.diag_indices(len(G))] *= 1.0 + COARSE_DIAGONAL_SHIFT
     r = np.zeros((space.n_owned, 4))
     r[:, :d] = np.random.default_rng(3).standard_normal((space.n_owned, d))
-    z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * (d + 4) + 4)
-    native.library.add_coarse_correction(system.compiled, pointer(r), pointer(room), pointer(z, "float"))
+    z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * d + system.compiled.width)
+    library[d].add_coarse_correction(system.compiled, pointer(r), pointer(room), pointer(z, "float"))
     expected = P @ np.linalg.solve(G, P.T @ r[:, :d].ravel())
     np.testing.assert_allclose(z[:, :d].ravel(), expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
 
@@ -287,9 +287,12 @@ def test_dependent_coarse_nodes_do_no_harm(space):
         coarse = CoarseSpace(space, csr_array(P.astype(float)), system.all_supported)
         assert coarse.update(system.rows)
         coarse.give(system.compiled)
-        z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * (space.dim + 4) + 4)
+        z, room = (
+            np.zeros((space.n_owned, 4), dtype=np.float32),
+            np.zeros(coarse.size * space.dim + system.compiled.width),
+        )
         residual = np.ones((space.n_owned, 4))
-        native.library.add_coarse_correction(system.compiled, pointer(residual), pointer(room), pointer(z, "float"))
+        library[space.dim].add_coarse_correction(system.compiled, pointer(residual), pointer(room), pointer(z, "float"))
         assert np.isfinite(z).all() and 0.0 < np.abs(z).max() < 1e3
 
 

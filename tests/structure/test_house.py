@@ -17,7 +17,7 @@ from commands import SAFETY
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = ("geometry", "meshing", "levels", "potentials", "solve", "integrate", "store", "measure", "runs")
-FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat", "compiled", "stages"}
+FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat", "compiled", "native", "stages"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 STORED = {"geometry", "store"}
 """What everything that reads stored runs may use."""

@@ -2,11 +2,10 @@
 
 The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. UFL
 differentiates psi by F only: positions are P1, so F is constant per cell, and in a domain of several cells it is their
-mean. Either way it is linear in the positions. Isotropic
-densities in 3D get their Hessians through the principal stretches (native/isotropic.c), which is many times faster;
-whether a density is isotropic is found by evaluating it at rotated F. All others go through UFL's second derivatives by
-F, whose negative eigenvalues take most of the time to find. A density may have a `model` of its second derivatives
-instead, which is positive semi-definite by itself.
+mean. Either way it is linear in the positions. Isotropic densities in 3D get their Hessians through the principal
+stretches (native/isotropic.c), which is many times faster; whether a density is isotropic is found by evaluating it at
+rotated F. All others go through UFL's second derivatives by F, whose negative eigenvalues take most of the time to
+find. A density may have a `model` of its second derivatives instead, which is positive semi-definite by itself.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,13 +16,13 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from pdvol.compiled import ffi, pointer
 from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly import native
+from pdvol.native import LANES, MAX_PARAMETERS, library
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
 from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
-from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import Positions, Term
 
 # relative change of psi under rotations that counts as round-off: larger ones make a density anisotropic
@@ -69,15 +68,15 @@ class CellEnergy(Term):
     Raises
     ------
     InputError
-        More than `native.MAX_PARAMETERS` parameters. On all ranks, before any communication.
+        More than `pdvol.native.MAX_PARAMETERS` parameters. On all ranks, before any communication.
     """
 
     def __init__(
         self, space: LevelSpace, density: Density, parameters: Values, domains: Domains, name: str = "elastic"
     ):
-        if len(parameters) > native.MAX_PARAMETERS:
+        if len(parameters) > MAX_PARAMETERS:
             raise InputError(
-                f"{density.material or name}: psi has {len(parameters)} parameters, at most {native.MAX_PARAMETERS} are"
+                f"{density.material or name}: psi has {len(parameters)} parameters, at most {MAX_PARAMETERS} are"
                 " possible; put constants into psi itself"
             )
         self.space, self.name, self.stencils = space, name, (domains,)
@@ -155,11 +154,12 @@ class CellEnergy(Term):
         return x.get((self, "value"), lambda: self._sum(x), self._version)
 
     def _sum(self, x: Positions) -> float:
-        return self.space.reduce(native.library.domain_values(self._domains, self._density.c, pointer(x.local)))
+        mine = library[self.space.dim].domain_values(self._domains, self._density.c, pointer(x.local))
+        return self.space.reduce(mine)
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
-        native.library.domain_gradients(self._domains, self._first.c, pointer(x.local), pointer(local))
+        library[self.space.dim].domain_gradients(self._domains, self._first.c, pointer(x.local), pointer(local))
         return local[: self.space.n_owned]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
@@ -167,12 +167,12 @@ class CellEnergy(Term):
         mode, places, out = FILTERS[into.projection], (pointer(x.local), slots), into.cells
         if self._stretches:
             kernels = (kernel.c for kernel in self._stretches)
-            native.library.isotropic_hessians(self._domains, *kernels, *places, mode, weight, pointer(out))
+            library[self.space.dim].isotropic_hessians(self._domains, *kernels, *places, mode, weight, pointer(out))
         elif self._second is not None:
             kernel = self._model if into.projection == "clamp" and self._model is not None else self._second
             # A Hessian without F is that of a quadratic energy.
             mode = 0 if kernel is self._model or kernel.c.at < 0 else mode
-            native.library.domain_hessians(self._domains, kernel.c, *places, mode, weight, pointer(out))
+            library[self.space.dim].domain_hessians(self._domains, kernel.c, *places, mode, weight, pointer(out))
 
 
 def _rotation(rng: np.random.Generator) -> np.ndarray:
@@ -184,9 +184,9 @@ def _rotation(rng: np.random.Generator) -> np.ndarray:
 def _in_lanes(values: np.ndarray) -> np.ndarray:
     """(blocks, LANES): values (domains,) of LANES domains side by side; the last one's again where there is none."""
     count = len(values)
-    padded = np.empty(-(-count // native.LANES) * native.LANES)
+    padded = np.empty(-(-count // LANES) * LANES)
     padded[:count], padded[count:] = values, values[-1:]
-    return padded.reshape(-1, native.LANES)
+    return padded.reshape(-1, LANES)
 
 
 class _Compiled(Kernel):
@@ -203,7 +203,7 @@ class _Compiled(Kernel):
         super().__init__(comm, form)
         wanted = [names.get(coefficient) for coefficient in self.coefficients]
         self._names, self._count = [name for name in wanted if name is not None], count
-        self._blocks = np.zeros((-(-count // native.LANES), len(self._names), native.LANES))
+        self._blocks = np.zeros((-(-count // LANES), len(self._names), LANES))
         self.fill({name: _in_lanes(values) for name, values in parameters.items()})
         at = wanted.index(None) if None in wanted else -1
         self.c = self._struct(self._blocks, at)
@@ -225,8 +225,8 @@ class _Compiled(Kernel):
     def at(self, F: np.ndarray, domain: int) -> float:
         """psi [Pa] at F (3, 3) with one domain's parameters; for densities in 3D."""
         vertices, identity, one = np.arange(4, dtype=np.int32)[None], np.eye(3), np.ones(1)
-        unit = ffi.new("domains_t *", {"d": 3, "count": 1, "counted": 1, "volumes": pointer(one)})
+        unit = ffi.new("domains_t *", {"count": 1, "counted": 1, "volumes": pointer(one)})
         unit.vertices, unit.gradients = pointer(vertices, "int32_t"), pointer(identity)
-        blocks = np.repeat(self.parameters()[domain][:, None], native.LANES, axis=1)
+        blocks = np.repeat(self.parameters()[domain][:, None], LANES, axis=1)
         own = self._struct(blocks, self.c.at)
-        return native.library.domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))
+        return library[3].domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.sparse import csr_array
 
+from pdvol.compiled import ffi, pointer
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly import native
-from pdvol.potentials.assembly.native import ffi, pointer
+from pdvol.native import library
 
 
 class Domains:
@@ -100,7 +100,7 @@ class Domains:
     def strains(self, x: np.ndarray) -> np.ndarray:
         """C = F'F (count, d, d) at local positions x (n_local, d)."""
         C = np.empty((len(self), self.space.dim, self.space.dim))
-        native.library.domain_strains(self.struct(0.0, False), pointer(x), pointer(C))
+        library[self.space.dim].domain_strains(self.struct(0.0, False), pointer(x), pointer(C))
         return C
 
     def by_size(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -112,7 +112,7 @@ class Domains:
 
     def struct(self, ceiling: float, oriented: bool) -> object:
         """The C struct (interface.h); this object has to be kept."""
-        sizes = {"d": self.space.dim, "count": len(self), "counted": self.counted}
+        sizes = {"count": len(self), "counted": self.counted}
         made = ffi.new("domains_t *", {**sizes, "ceiling": ceiling, "oriented": oriented})
         made.starts = pointer(self.starts, "int64_t") if self.smoothed else ffi.NULL
         made.vertices = pointer(self.vertices, "int32_t")

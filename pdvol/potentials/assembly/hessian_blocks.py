@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from pdvol.compiled import integers, pointer
+from pdvol.compiled import ffi, integers, pointer
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly import native
+from pdvol.native import AHEAD, library
 from pdvol.potentials.assembly.domains import Domains
 
 BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -80,7 +80,7 @@ class BlockPattern:
     def _find_slots(self, domains: Domains) -> np.ndarray:
         sizes = np.diff(domains.starts)
         begins = np.concatenate([[0], np.cumsum(sizes * (sizes + 1) // 2)])
-        found = np.full(begins[-1] + native.AHEAD, ELSEWHERE, dtype=np.int32)
+        found = np.full(begins[-1] + AHEAD, ELSEWHERE, dtype=np.int32)
         for which, vertices in domains.by_size():
             keys, stored, turned = self._keys(vertices)
             slot = np.searchsorted(self._unique, keys)
@@ -153,21 +153,19 @@ class HessianBlocks:
         self._rows[new], self._columns[new], self._blocks[new] = rows[kept] - first, columns[kept], blocks[kept]
         self.count = end
 
-    def add_compiled(self, function: Callable[..., int], most: int, *arguments: object) -> None:
-        """Adds what a compiled function finds, `most` blocks at most. After its arguments it takes the first of this
-        rank's rows, the one behind the last, and where local rows, global columns and blocks go; it returns how many
-        there are.
+    def add_compiled(self, function: Callable[..., None], most: int, rows: np.ndarray, *arguments: object) -> None:
+        """Adds what a compiled function finds, `most` blocks at most, for vertices in these global `rows` (n,). After
+        its arguments it takes where they go.
         """
         self._make_room(most)
         space, start = self.pattern.space, self.count
-        self.count += function(
-            *arguments,
-            space.first_block,
-            space.first_block + space.n_owned,
-            pointer(self._rows[start:], "int64_t"),
-            pointer(self._columns[start:], "int64_t"),
-            pointer(self._blocks[start:]),
+        out = ffi.new("out_t *", {"first": space.first_block, "last": space.first_block + space.n_owned})
+        out.rows, out.to_rows, out.to_columns = (
+            pointer(numbers, "int64_t") for numbers in (rows, self._rows[start:], self._columns[start:])
         )
+        out.blocks = pointer(self._blocks[start:])
+        function(*arguments, out)
+        self.count += out.count
 
     def _make_room(self, more: int) -> int:
         """Enlarges the buffers for so many more blocks; returns how many there would then be."""
@@ -195,22 +193,11 @@ class HessianBlocks:
         if most > len(self._merged[1]):
             self._merged = room_of_rows(space.n_owned, most + self.count, d)
         starts, found, sums = self._merged
-        count = native.library.merge_pairs(
-            d,
-            space.n_owned,
-            space.first_block,
-            n,
-            pointer(pattern.starts, "int32_t"),
-            pointer(pattern.columns, "int32_t"),
-            pointer(self.cells),
-            self.count,
-            pointer(self._rows, "int64_t"),
-            pointer(self._columns, "int64_t"),
-            pointer(self._blocks),
-            native.ffi.NULL if fixed is None else pointer(fixed, "uint8_t"),
-            pointer(starts, "int32_t"),
-            pointer(found, "int32_t"),
-            pointer(sums),
+        cells = pointers((pattern.starts, pattern.columns, self.cells))
+        pairs = *(pointer(numbers, "int64_t") for numbers in (self._rows, self._columns)), pointer(self._blocks)
+        held = ffi.NULL if fixed is None else pointer(fixed, "uint8_t")
+        count = library[d].merge_pairs(
+            space.n_owned, space.first_block, n, cells, self.count, *pairs, held, pointers(self._merged)
         )
         if count < 0:
             raise MemoryError("no memory left for the sum of the Hessians")
@@ -226,7 +213,7 @@ def room_of_rows(rows: int, count: int, d: int) -> BlockCsr:
     return np.empty(rows + 1, np.int32), np.empty(count, np.int32), np.empty(count * d * d + SPARE)
 
 
-def pointers(rows: BlockCsr) -> tuple[Any, Any, Any]:
-    """Block rows for C, whose arrays must be kept."""
+def pointers(rows: BlockCsr) -> Any:
+    """Block rows for C, `rows_t *`; the arrays must be kept."""
     starts, columns, blocks = rows
-    return *integers(starts, columns), pointer(blocks)
+    return ffi.new("rows_t *", (*integers(starts, columns), pointer(blocks)))

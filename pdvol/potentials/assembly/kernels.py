@@ -10,16 +10,18 @@ import re
 from pathlib import Path
 
 import basix.ufl
+import ffcx.naming
+import ffcx.options
+import numpy as np
 import ufl
 from ffcx.codegeneration import get_include_path
 from mpi4py import MPI
 
 from pdvol import compat
-from pdvol.compiled import FLAGS, build, compiler, ffi
+from pdvol.compiled import FLAGS, build, compiler, ffi, kept, pointer
 from pdvol.errors import InputError
+from pdvol.native import LANES
 from pdvol.parallel import on_root
-from pdvol.potentials.assembly.compiled_forms import kept_folder
-from pdvol.potentials.assembly.native import LANES
 
 # what kernels are compiled for: F is given, so the cell's shape does not matter, and an interval's costs least
 UNIT = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(1,)))
@@ -48,7 +50,6 @@ void evaluate(double *restrict A, const double *restrict w)
 }}
 """
 ffi.cdef("void evaluate(double *, const double *); extern int32_t count, coefficients[];")
-BUILT = "kernel.so"
 
 
 def tensors(shape: tuple[int, ...] = ()) -> ufl.FunctionSpace:
@@ -77,16 +78,29 @@ class Kernel:
     """
 
     def __init__(self, comm: MPI.Comm, form: ufl.Form):
-        with kept_folder(comm, form, f"{SOURCE} {LANES} {FLAGS} {compiler()}") as (folder, new):
-            if new:
-                on_root(comm, lambda: _compile(form, folder))
-            self._library = ffi.dlopen(str(folder / BUILT))
+        how = f"{SOURCE} {LANES} {FLAGS} {compiler()} {sorted(ffcx.options.get_options().items())}"
+        name = "form-" + ffcx.naming.compute_signature([form], how)
+        self._library = ffi.dlopen(
+            str(on_root(comm, lambda: kept(name, "compiling forms", lambda built: _compile(form, built))))
+        )
         self.function = ffi.cast("void *", self._library.evaluate)
         places = ffi.unpack(self._library.coefficients, self._library.count)
         self.coefficients = [form.coefficients()[place] for place in places]
+        self._numbers = math.prod(map(_numbers, form.arguments()))
+
+    def evaluate(self, values: np.ndarray) -> np.ndarray:
+        """The form's numbers (k, numbers) in k domains from those of its coefficients (k, wide)."""
+        groups = -(-len(values) // LANES)
+        w, A = np.zeros((groups * LANES, values.shape[1])), np.empty((groups, self._numbers, LANES))
+        w[: len(values)] = values
+        w = np.ascontiguousarray(w.reshape(groups, LANES, -1).transpose(0, 2, 1))
+        given, found = pointer(w), pointer(A)
+        for group in range(groups):
+            self._library.evaluate(found + group * A[0].size, given + group * w[0].size)
+        return A.transpose(0, 2, 1).reshape(-1, self._numbers)[: len(values)]
 
 
-def _compile(form: ufl.Form, folder: Path) -> None:
+def _compile(form: ufl.Form, built: Path) -> None:
     code, given = compat.form_code(form), form.coefficients()
     kernel = re.search(r"(void (tabulate_tensor_\w+)\((.*?)\))\s*\{", code, re.DOTALL)
     if kernel is None:  # FFCx makes none of what is zero
@@ -107,9 +121,9 @@ def _compile(form: ufl.Form, folder: Path) -> None:
         numbers=math.prod(map(_numbers, form.arguments())),
         lanes=LANES,
     )
-    path = folder / "kernel.c"
+    path = built.with_suffix(".c")
     path.write_text(source)
-    build([path], folder / BUILT, [f"-I{get_include_path()}"])
+    build([path], built, [f"-I{get_include_path()}"])
 
 
 def _numbers(function: ufl.Coefficient | ufl.Argument) -> int:

@@ -1,5 +1,5 @@
 """The contact barrier: the sum over contacts of their weight times the law kappa dhat g(s), g(s) = -(s - 1)^2 ln s,
-s = (gap / dhat)^2 (`native/barrier.c`).
+s = (gap / dhat)^2 (pdvol/native/barrier.c).
 
 Contacts between surfaces, their weights and their Hessians are those of docs/contact.md, "What is summed over". Energy
 and gradient are exact, and so is the Hessian that is not projected; projected ones leave out what is negative.
@@ -24,9 +24,9 @@ from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.levels.script import Obstacle
+from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import MEETING, Candidates, Contacts
-from pdvol.potentials.contact.native import library
 from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions, Term
 
 
@@ -71,16 +71,15 @@ class ContactBarrier(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         found = self.contacts(x)
         into.add_compiled(
-            library.barrier_blocks,
+            library[self.space.dim].barrier_blocks,
             10 * len(found),
-            self.space.dim,
+            self.surface.rows,
             found.c,
             pointer(self.surface.vertices(x)),
             self.dhat,
             self.kappa,
             weight,
             into.projection != "none",
-            pointer(self.surface.rows, "int64_t"),
         )
 
     def max_step(
@@ -143,14 +142,13 @@ class ContactBarrier(Term):
         """Adds weight times what makes contacts between bodies as stiff across their gaps as along them: they stick."""
         found = self.contacts(x)
         into.add_compiled(
-            library.sticking_blocks,
+            library[self.space.dim].sticking_blocks,
             10 * len(found),
-            self.space.dim,
+            self.surface.rows,
             found.c,
             self.dhat,
             self.kappa,
             weight,
-            pointer(self.surface.rows, "int64_t"),
         )
 
     def count(self, x: Positions) -> int:
@@ -197,8 +195,8 @@ class ContactBarrier(Term):
             found, known = self.candidates.meetings(start, stop), set(map(tuple, self._pairs))
             new = [tuple(pair) not in known for pair in found["pair"].tolist()]
             self._meetings = np.concatenate([self._meetings, found[new]])
-        changed = library.expect_gaps(
-            *(self.space.dim, *self._c_meetings, pointer(stop), self.dhat, self.kappa, PRESSED_GAP_SHARE)
+        changed = library[self.space.dim].expect_gaps(
+            *(*self._c_meetings, pointer(stop), self.dhat, self.kappa, PRESSED_GAP_SHARE)
         )
         self._meetings = self._meetings[self._meetings["expected"] > 0.0]
         return changed > 0
@@ -228,19 +226,18 @@ class ContactBarrier(Term):
     def predicted_change(self, x: Positions) -> np.ndarray:
         """(n_owned, d) gradient at x [N] as predicted, less the gradient as it is."""
         gradient = np.zeros(self.surface.vertices(x).shape)
-        library.meeting_gradient(self.space.dim, *self._c_meetings, self.dhat, self.kappa, pointer(gradient))
+        library[self.space.dim].meeting_gradient(*self._c_meetings, self.dhat, self.kappa, pointer(gradient))
         return self.surface.rows_of(gradient)
 
     def add_predicted(self, weight: float, into: HessianBlocks) -> None:
         """Adds weight times the Hessian as predicted, less the Hessian as it is: never negative."""
         if self.meets:
             into.add_compiled(
-                library.meeting_blocks,
+                library[self.space.dim].meeting_blocks,
                 10 * len(self._meetings),
-                self.space.dim,
+                self.surface.rows,
                 *self._c_meetings,
                 self.dhat,
                 self.kappa,
                 weight,
-                pointer(self.surface.rows, "int64_t"),
             )

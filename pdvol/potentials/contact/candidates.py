@@ -11,13 +11,12 @@ those: all contacts of the rank's vertices are found without a message.
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.compiled import pointer
-from pdvol.potentials.contact.native import ffi, library
+from pdvol.compiled import ffi, pointer
 from pdvol.potentials.contact.pair_list import PairList, same
 from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import LEAST_LEFT
 
-# contact_t and fade_t of native/interface.h
+# contact_t and fade_t of pdvol/native/interface.h
 CONTACT = np.dtype(
     {
         "names": ["vertices", "coefficients", "gap", "weight", "pressure", "counted"],
@@ -26,7 +25,7 @@ CONTACT = np.dtype(
     align=True,
 )
 FADE = np.dtype({"names": ["contact", "first", "second"], "formats": ["i8", "(4,3)f8", "(10,3,3)f8"]}, align=True)
-# meeting_t of native/interface.h
+# meeting_t of pdvol/native/interface.h
 MEETING = np.dtype(
     {
         "names": ["pair", "vertices", "coefficients", "normal", "weight", "time", "distance", "gap", "expected"],
@@ -141,7 +140,7 @@ class Candidates:
             pairs.at(vertices)
         gradient, counts, energy = np.empty(vertices.shape), np.empty(3, dtype=np.int64), ffi.new("double *")
         while True:
-            if library.find_contacts(
+            if self.primitives.loops.find_contacts(
                 self.primitives.c,
                 pointer(vertices),
                 self.dhat,
@@ -170,7 +169,7 @@ class Candidates:
         count, found, primitives = 1, self._meetings[:0], self.primitives
         while count > len(found):
             found = self._meetings = np.empty(max(2 * count, len(self._meetings)), MEETING)
-            count = library.find_meetings(
+            count = primitives.loops.find_meetings(
                 primitives.c,
                 pointer(start),
                 pointer(end),
@@ -228,7 +227,8 @@ class Candidates:
     def _additive_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, whole: bool = False) -> float:
         """The step by conservative advancement; `whole` says that only a step of 1 is of interest."""
         # The pairs that are near stop most moves early. What else may meet is searched for on the way until then.
-        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), self.dhat, gap_share)
+        way = pointer(start), pointer(end)
+        step = self.primitives.loops.half_space_step(self.primitives.c, *way, self.dhat, gap_share)
         for pairs in self.lists:
             step = pairs.longest_step(start, end, gap_share, step)
         if whole and step < 1.0:

@@ -14,11 +14,11 @@ contacts are in native/friction.c.
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.compiled import pointer
+from pdvol.compiled import ffi, pointer
+from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Contacts
-from pdvol.potentials.contact.native import ffi, library
 from pdvol.potentials.potential import Positions, Rates, Term
 
 
@@ -87,8 +87,8 @@ class LaggedFriction(Term):
         """
         vertices = self.surface.vertices(x)
         gradient = np.zeros(vertices.shape)
-        of = self.space.dim, self.contacts.c, self._c
-        return library.friction_sum(*of, pointer(vertices), predicted, pointer(gradient)), gradient
+        of = self.contacts.c, self._c, pointer(vertices), predicted, pointer(gradient)
+        return library[self.space.dim].friction_sum(*of), gradient
 
     def _found_at(self, x: Positions) -> tuple[float, np.ndarray]:
         """The energy and its gradient, found once for each state."""
@@ -104,15 +104,14 @@ class LaggedFriction(Term):
         if not self.has_friction:
             return
         into.add_compiled(
-            library.friction_blocks,
+            library[self.space.dim].friction_blocks,
             10 * len(self.contacts),
-            self.space.dim,
+            self.surface.rows,
             self.contacts.c,
             self._c,
             pointer(self.surface.vertices(x)),
             weight,
             into.projection != "none",
-            pointer(self.surface.rows, "int64_t"),
         )
 
     # ---- the prediction
@@ -124,7 +123,7 @@ class LaggedFriction(Term):
         if not self.has_friction:
             return False
         places = pointer(self.surface.vertices(x)), pointer(self.surface.vertices(end))
-        return library.friction_predict(self.space.dim, self.contacts.c, self._c, *places) > 0
+        return library[self.space.dim].friction_predict(self.contacts.c, self._c, *places) > 0
 
     def forget_prediction(self) -> None:
         """Contacts slide or stick as they do."""

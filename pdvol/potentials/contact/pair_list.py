@@ -15,8 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pdvol.compiled import pointer
-from pdvol.potentials.contact.native import ffi, library
+from pdvol.compiled import ffi, pointer
 from pdvol.potentials.contact.surface import Primitives
 
 # slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
@@ -49,7 +48,7 @@ class Objects:
         """
         back, turns = end.copy(), np.empty((len(self._sizes), 3, 3))
         places = pointer(start), pointer(back), pointer(turns)
-        library.move_back(self._primitives.d, len(self._sizes), self._c_firsts, turned, *places)
+        self._primitives.loops.move_back(len(self._sizes), self._c_firsts, turned, *places)
         return back, turns
 
     def spare(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray, room: np.ndarray) -> float:
@@ -58,7 +57,7 @@ class Objects:
         """
         way = ffi.NULL if move is None else pointer(move)
         places = pointer(start), way, pointer(vertices)
-        return library.spare_room(self._primitives.d, len(self._sizes), self._c_firsts, *places, pointer(room))
+        return self._primitives.loops.spare_room(len(self._sizes), self._c_firsts, *places, pointer(room))
 
     def fit(self, start: np.ndarray, end: np.ndarray) -> None:
         """Fits the boxes of what is not where it was when they were fitted last."""
@@ -67,7 +66,7 @@ class Objects:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
             marked = marked & ~np.logical_and.reduceat(same[: self._firsts[-1]], self._firsts[:-1])
         moving = pointer(start), pointer(end)
-        library.fit_boxes(self._primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self.boxes))
+        self._primitives.loops.fit_boxes(self._primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self.boxes))
         self._boxed = start, end
 
     def apart(self) -> np.ndarray:
@@ -242,7 +241,7 @@ class PairList:
         while True:
             room = tuple(map(len, pairs.room))
             pairs.c.n_points, pairs.c.n_edges = room
-            if library.search_pairs(
+            if self.primitives.loops.search_pairs(
                 self.primitives.c,
                 pointer(self._objects.boxes),
                 pointer(start),
@@ -266,6 +265,7 @@ class PairList:
         c = self.pairs.c
         if not (c.n_points or c.n_edges):
             return step
-        step = library.longest_step(self.primitives.c, pointer(start), pointer(end), self.reach, gap_share, c, step)
+        way = pointer(start), pointer(end)
+        step = self.primitives.loops.longest_step(self.primitives.c, *way, self.reach, gap_share, c, step)
         self.pairs.go_on(start, end)
         return step

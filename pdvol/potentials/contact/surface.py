@@ -17,6 +17,7 @@ from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.script import Mover, Obstacle, Script
 from pdvol.levels.space import Collected, LevelSpace
+from pdvol.native import library
 from pdvol.potentials.potential import Positions
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
@@ -159,6 +160,7 @@ class Primitives:
     owned_objects : (objects,) bool
         Those with vertices of this rank.
     c : the C struct of all this
+    loops : the compiled functions for its dimension
     """
 
     def __init__(
@@ -172,6 +174,7 @@ class Primitives:
         planes: int = 0,
     ):
         self.d, self.bodies, self.planes = vertices.shape[1], bodies, planes
+        self.loops = library[self.d]
         self.objects, self.facets = objects.astype(np.int64), np.ascontiguousarray(facets, dtype=np.int32)
         n, d = len(vertices), self.d
         if d == 3:
@@ -276,7 +279,7 @@ class Primitives:
 
     def _struct(self, n: int) -> Any:
         struct = ffi.new("surface_t *")
-        struct.d, struct.vertices, struct.edges, struct.facets = self.d, n, len(self.edges), len(self.facets)
+        struct.vertices, struct.edges, struct.facets = n, len(self.edges), len(self.facets)
         struct.objects, struct.leaves, struct.planes = len(self.roots) - 1, self.leaves, self.planes
         self._kept = []
         for name, array in self._arrays.items():

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from scipy.linalg.lapack import dpbtrf
 from scipy.sparse import csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from pdvol.compiled import integers, pointer
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, pointers
-from pdvol.solve.linear import native
+from pdvol.native import library
+from pdvol.potentials.assembly.hessian_blocks import BlockCsr, pointers
 
 # vertices of grids over the square root of the level's: with twice as many the factor costs what iterations save (of
 # 100,000 vertices a quarter fewer iterations, a tenth more time), and with half as many heaps of bodies lose the
@@ -24,8 +26,6 @@ COARSE_VERTICES = 2.0
 POINTS_AT_ONCE = 65_536
 # fraction of the diagonal of P' A P that is added to it: nodes at the boundary can be nearly linearly dependent
 COARSE_DIAGONAL_SHIFT = 1e-7
-# blocks of P' A P a coarse vertex, on or below the diagonal, that there is room for at first: grids couple 8 to 14
-FIRST_ROOM = 20
 
 
 def grid_weights(mesh: LevelMesh) -> csr_array:
@@ -99,7 +99,7 @@ def _grid(share: np.ndarray, boxes: np.ndarray) -> csr_array:
 
 
 class CoarseSpace:
-    """The Galerkin operator P' A P and its factor L D L'. Construction is collective.
+    """The Galerkin operator P' A P and its factor L L', a band. Construction is collective.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ class CoarseSpace:
         P.sort_indices()
         self.size: int = P.shape[1]
         self.starts, self.columns, self.weights = P.indptr.astype(np.int32), P.indices.astype(np.int32), P.data
-        self._room = FIRST_ROOM * self.size
-        self._factor: tuple[np.ndarray, ...]
+        self._places: np.ndarray
+        self._band: np.ndarray
 
     def update(self, rows: BlockCsr) -> bool:
         """Sums and factors P' A P. Returns whether it is positive definite, which it is where A is. Collective.
@@ -136,6 +136,8 @@ class CoarseSpace:
         """
         d, comm = self.space.dim, self.space.comm
         keys, sums = self._own_sum(rows)
+        on_diagonal = keys % (self.size + 1) == 0
+        sums[on_diagonal] += sums[on_diagonal].transpose(0, 2, 1)
         if comm.size > 1:
             every = np.unique(np.concatenate(comm.allgather(keys)))
             total = np.zeros((len(every), d, d))
@@ -146,42 +148,34 @@ class CoarseSpace:
 
     def _factored(self, keys: np.ndarray, blocks: np.ndarray) -> bool:
         """Factors the matrix with the blocks (k, d, d) at keys (k,). Returns whether it is positive definite."""
-        d, n, library = self.space.dim, self.size, native.library
-        order, parent, starts = (np.empty(count, np.int32) for count in (n, n, n + 1))
-        listed = len(keys), pointer(keys, "int64_t")
-        elimination = integers(order, parent, starts)
-        count = library.coarse_order(n, *listed, *elimination)
-        if count < 0:
-            raise MemoryError("no memory left for the coarse system")
-        rows, L, pivots = np.empty(count, np.int32), *(np.zeros(k * d * d + SPARE) for k in (count, n))
-        factor = *integers(rows), pointer(L), pointer(pivots)
-        failed = library.coarse_factor(d, n, *listed, pointer(blocks), COARSE_DIAGONAL_SHIFT, *elimination, *factor)
-        if failed < 0:
-            raise MemoryError("no memory left for the coarse system")
-        self._factor = order, starts, rows, L, pivots
-        return not failed
+        d, n = self.space.dim, self.size
+        nodes = np.divmod(keys, n)
+        graph = csr_array((np.ones(len(keys)), nodes), shape=(n, n))
+        order = np.argsort(reverse_cuthill_mckee(graph + graph.T, symmetric_mode=True))
+        self._places = order.astype(np.int32)[self.columns]
+        i, j = (d * order[ends, None] + np.arange(d) for ends in nodes)
+        low, high = np.minimum(i[:, :, None], j[:, None]), np.maximum(i[:, :, None], j[:, None])
+        self._band = np.zeros((d * n, 4 * (1 + np.max(high - low) // 4)))
+        self._band[low, high - low] = blocks
+        self._band[:, 0] *= 1.0 + COARSE_DIAGONAL_SHIFT
+        _, failed = dpbtrf(self._band.T, lower=True, overwrite_ab=True)
+        return not failed and bool(np.isfinite(self._band[:, 0]).all())
 
     def _own_sum(self, rows: BlockCsr) -> tuple[np.ndarray, np.ndarray]:
         """Of this rank's rows: the keys i size + j of blocks (k,), i >= j, and the blocks (k, d, d)."""
-        d = self.space.dim
-        matrix = (self.space.n_owned, self.space.first_block, *pointers(rows))
+        d, n = self.space.dim, self.size
+        # as many as there can be: pages that stay unused take no memory
+        room = min(n * (n + 1) // 2, int(np.diff(self.starts).max()) ** 2 * len(rows[1]))
+        keys, sums, places = np.empty(room, np.int64), np.empty((room, d, d)), np.zeros((n, n), np.int32)
+        matrix = self.space.n_owned, self.space.first_block, pointers(rows)
         P = *integers(self.starts, self.columns), pointer(self.weights)
-        while True:
-            keys, sums = np.empty(self._room, np.int64), np.empty((self._room, d, d))
-            listed = (self._room, pointer(keys, "int64_t"), pointer(sums))
-            count = native.library.coarse_operator(d, *matrix, *P, self.size, *listed)
-            if count >= 0:
-                return keys[:count], sums[:count]
-            if count == -2:
-                raise MemoryError("no memory left for the coarse system")
-            self._room *= 2
+        listed = *integers(places), pointer(keys, "int64_t"), pointer(sums)
+        count = library[d].coarse_operator(*matrix, *P, n, *listed)
+        return keys[:count], sums[:count]
 
     def give(self, system: Any) -> None:
         """Names the correction to a `linear_system *` of native/; this object has to be kept."""
         first = self.space.first_block
-        system.nodes = self.size
-        system.p_starts, system.p_columns = integers(self.starts[first:], self.columns)
-        system.p_weights = pointer(self.weights)
-        order, starts, rows, L, pivots = self._factor
-        system.order, system.l_starts, system.l_rows = integers(order, starts, rows)
-        system.l_blocks, system.pivots = pointer(L), pointer(pivots)
+        system.nodes, system.width = self.size, self._band.shape[1]
+        system.p_starts, system.p_columns = integers(self.starts[first:], self._places)
+        system.p_weights, system.band = pointer(self.weights), pointer(self._band)

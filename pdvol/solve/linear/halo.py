@@ -6,8 +6,8 @@ import numpy as np
 
 from pdvol.compiled import integers, pointer
 from pdvol.levels.space import LevelSpace
+from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, pointers, room_of_rows
-from pdvol.solve.linear import native
 from pdvol.solve.linear.messages import Exchange
 
 # size of a coupling, over the diagonal block of the vertex, from which on the vertex is in the other rank's factor:
@@ -53,14 +53,13 @@ class Halo:
         if not self._parts or count > len(self._parts[0][1]):
             self._parts = [room_of_rows(n, 2 * count, d) for _ in range(2)]
         self.own, self.far = _split(rows, d, space.first_block, self._parts)
-        system.starts, system.columns, system.blocks = pointers(self.own)
-        system.far_starts, system.far_columns, system.far_blocks = pointers(self.far)
+        system.own, system.far = pointers(self.own)[0], pointers(self.far)[0]
         self._number: np.ndarray = last._number if last is not None else np.full(space.rank_ends[-1], -1, np.int32)
         coupled, strong = np.empty(len(self.far[1]), np.int32), np.empty(len(self.far[1]), np.uint8)
         self.counts, self.their_counts = np.empty((2, ranks), np.int32)
-        given = pointer(space.rank_ends, "int64_t"), *integers(self._number, self.far[1])
+        given = pointer(space.rank_ends, "int64_t"), *integers(self._number)
         found = *integers(coupled), pointer(strong, "uint8_t"), *integers(self.counts, self.their_counts)
-        if native.library.border(system, STRONG, ranks, *given, *found) < 0:
+        if library[d].border(system, STRONG, ranks, *given, *found) < 0:
             raise MemoryError("no memory left for a rank's border")
         self.rows, self.strong = (each[: self.counts.sum()] for each in (coupled, strong))
         self.exchange: Exchange = last.exchange if last is not None else Exchange(space.comm)
@@ -73,7 +72,7 @@ def _split(rows: BlockCsr, d: int, first: int, parts: list[BlockCsr]) -> tuple[B
     others, with global columns. Both are in the memory of `parts`.
     """
     n = len(rows[0]) - 1
-    native.library.split_rows(d, n, first, *pointers(rows), *pointers(parts[0]), *pointers(parts[1]))
+    library[d].split_rows(n, first, *map(pointers, (rows, *parts)))
     found = []
     for begin, at, values in parts:
         end = int(begin[n])

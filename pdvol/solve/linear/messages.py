@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.compiled import pointer
-from pdvol.solve.linear import native
+from pdvol.compiled import ffi, pointer
 
 
 @cache
@@ -21,7 +20,7 @@ def library() -> ctypes.CDLL:
 def _handle(thing: Any) -> Any:
     """A handle of MPI as C has it: a pointer, or an int in the place of one."""
     number = int.from_bytes(ctypes.string_at(MPI._addressof(thing), MPI._sizeof(thing)), sys.byteorder)
-    return native.ffi.cast("void *", number)
+    return ffi.cast("void *", number)
 
 
 class Exchange:
@@ -34,13 +33,13 @@ class Exchange:
     """
 
     def __init__(self, comm: MPI.Comm):
-        self.compiled: Any = native.ffi.new("ranks_t *")
+        self.compiled: Any = ffi.new("ranks_t *")
         self.compiled.comm, self.compiled.numbers, self.compiled.sum = map(_handle, (comm, MPI.DOUBLE, MPI.SUM))
-        self.compiled.in_place = native.ffi.cast("void *", int(MPI.IN_PLACE))
-        fields = dict(native.ffi.typeof("ranks_t").fields)
+        self.compiled.in_place = ffi.cast("void *", int(MPI.IN_PLACE))
+        fields = dict(ffi.typeof("ranks_t").fields)
         for kind, name in (("all_reduce", "MPI_Allreduce"), ("all_to_all", "MPI_Alltoallv")):
             address = ctypes.cast(getattr(library(), name), ctypes.c_void_p).value
-            setattr(self.compiled, kind, native.ffi.cast(fields[kind].type, address))
+            setattr(self.compiled, kind, ffi.cast(fields[kind].type, address))
         self._arrays: dict[str, np.ndarray] = {}
 
     def connect(self, d: int, rows: np.ndarray, counts: np.ndarray, theirs: np.ndarray) -> None:

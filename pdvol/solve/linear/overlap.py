@@ -13,8 +13,8 @@ import numpy as np
 
 from pdvol.compiled import integers, pointer
 from pdvol.levels.space import LevelSpace
+from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import BlockCsr, pointers, room_of_rows
-from pdvol.solve.linear import native
 from pdvol.solve.linear.halo import Halo
 from pdvol.solve.linear.messages import Exchange, exchanged
 
@@ -54,16 +54,16 @@ class Overlap:
         self.weights = np.empty(n, np.float32)
         given = *integers(halo.counts, coupled), pointer(halo.strong, "uint8_t"), *integers(number)
         made = *integers(numbers), pointer(blocks), *integers(sent, shared, counts), pointer(self.weights, "float")
-        native.library.pack_overlap(system, comm.size, *given, *made)
+        library[d].pack_overlap(system, comm.size, *given, *made)
         comm.Alltoall(sent, came)
         numbers = exchanged(comm, numbers, halo.counts + sent, halo.their_counts + came)
         blocks = exchanged(comm, blocks, d * d * sent, d * d * came)
         self.rows: BlockCsr = room_of_rows(n + int(halo.their_counts.sum()), len(halo.far[1]) + int(came.sum()), d)
         received = *integers(halo.their_counts, came, numbers), pointer(blocks), *integers(theirs)
-        if native.library.unpack_overlap(system, comm.size, *received, *pointers(self.rows)):
+        if library[d].unpack_overlap(system, comm.size, *received, pointers(self.rows)):
             raise MemoryError("no memory left for the overlap of factors")
         self.exchange: Exchange = last.exchange if last is not None else Exchange(comm)
         self.exchange.connect(d, shared[: counts.sum()], counts, theirs)
         system.others, system.overlap = int(theirs.sum()), self.exchange.compiled
-        system.others_starts, system.others_columns, system.others_blocks = pointers(self.rows)
+        system.between = pointers(self.rows)[0]
         system.weights = pointer(self.weights, "float")

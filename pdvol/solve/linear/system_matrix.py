@@ -8,10 +8,10 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.compat import PETSc
-from pdvol.compiled import integers, pointer
+from pdvol.compiled import ffi, integers, pointer
 from pdvol.levels.space import LevelSpace
+from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, pointers
-from pdvol.solve.linear import native
 from pdvol.solve.linear.halo import Halo
 from pdvol.solve.linear.overlap import Overlap
 
@@ -56,7 +56,7 @@ class SystemMatrix:
         self.support(supported)
         self.rows: BlockCsr
         self.own: BlockCsr
-        self.compiled = native.ffi.new("linear_system *", {"d": space.dim, "count": space.n_owned})
+        self.compiled = ffi.new("linear_system *", {"count": space.n_owned})
         self._factor = np.zeros(0, dtype=np.float32)
         self._factor_starts = np.zeros(space.n_owned + 1, dtype=np.int32)
         self._factor_columns = np.zeros(0, dtype=np.int32)
@@ -84,7 +84,7 @@ class SystemMatrix:
             self._overlap = Overlap(self.space, self.compiled, self._halo, self._overlap)
             self.own = self._halo.own
         else:
-            self.compiled.starts, self.compiled.columns, self.compiled.blocks = pointers(self.own)
+            self.compiled.own = pointers(self.own)[0]
 
     def factor_incompletely(self, drop: float = 0.0) -> int:
         """Makes the incomplete Cholesky factor that `compiled` then names: of `own` and the vertices of other ranks
@@ -102,7 +102,7 @@ class SystemMatrix:
             self._factor_starts = np.zeros(rows + compiled.others + 1, dtype=np.int32)
         compiled.factor = pointer(self._factor, "float")
         compiled.factor_starts, compiled.factor_columns = integers(self._factor_starts, self._factor_columns)
-        tries = native.library.incomplete_cholesky(compiled, drop)
+        tries = library[self.space.dim].incomplete_cholesky(compiled, drop)
         self._factor[self._factor_starts[rows] * d * d :][:SPARE] = 0.0
         return tries
 
@@ -120,9 +120,9 @@ class SystemMatrix:
 
         Returns the solution (n_owned d,), PETSc's reason, and the number of iterations. Collective.
         """
-        found, count = np.zeros(len(right)), native.ffi.new("int32_t *")
-        begin = native.ffi.NULL if start is None else pointer(start)
-        reason = native.library.conjugate_gradients(
+        found, count = np.zeros(len(right)), ffi.new("int32_t *")
+        begin = ffi.NULL if start is None else pointer(start)
+        reason = library[self.space.dim].conjugate_gradients(
             self.compiled, pointer(right), begin, tolerance, most, pointer(found), count
         )
         if reason == 0:  # NO_MEMORY: to PETSc this is a solve that still goes on
@@ -131,7 +131,9 @@ class SystemMatrix:
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """y = A x, by `shell`. Collective."""
-        native.library.symmetric_product(self.compiled, pointer(x.getArray(readonly=True)), pointer(y.getArray()))
+        library[self.space.dim].symmetric_product(
+            self.compiled, pointer(x.getArray(readonly=True)), pointer(y.getArray())
+        )
 
     @property
     def _upper(self) -> BlockCsr:

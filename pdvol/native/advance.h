@@ -1,6 +1,5 @@
 /* How far a pair of primitives goes on its way without losing its distance: conservative advancement. */
-#ifndef PDVOL_ADVANCE_H
-#define PDVOL_ADVANCE_H
+#pragma once
 #include "surface.h"
 
 enum { MAX_ADVANCES = 1000 }; /* advances of one pair: bounds the time that it takes. After a third of them the pair slides, and its normal decides */
@@ -9,14 +8,14 @@ enum { MAX_ADVANCES = 1000 }; /* advances of one pair: bounds the time that it t
 
 /* The unit normal of a gap (d) whose closest points are free to slide along k sides: across these it has but round-off, which over the size of a
  * primitive is more than a small gap. */
-INLINE void unit_across(int d, int k, double (*sides)[3], double *gap)
+INLINE void unit_across(int k, double (*sides)[3], double *gap)
 {
     for (int i = 0; i < k; ++i) {
-        const double share = dot(d, sides[i], gap) / dot(d, sides[i], sides[i]);
+        const double share = dot(sides[i], gap) / dot(sides[i], sides[i]);
         for (int j = 0; j < d; ++j)
             gap[j] -= share * sides[i][j];
     }
-    const double size = sqrt(dot(d, gap, gap));
+    const double size = sqrt(dot(gap, gap));
     for (int j = 0; j < d; ++j)
         gap[j] /= size;
 }
@@ -25,7 +24,7 @@ INLINE double volume(const double *a, const double *u, const double *v, double s
 {
     double normal[3];
     cross(u, v, normal);
-    return sign * dot(3, a, normal);
+    return sign * dot(a, normal);
 }
 
 /* Until which share of the way, from `at` to `step`, two lines, or a point and a plane, stay apart by `kept` in any case: the volume of the vector
@@ -47,7 +46,7 @@ INLINE double apart_by_volume(double (*ways)[2][3], double at, double step, doub
         for (int j = 0; j < 3; ++j)
             products[1][j] = 0.5 * (products[1][j] + more[j]);
         for (int k = 0; k < 3; ++k)
-            area = fmax(area, sqrt(dot(3, products[k], products[k])));
+            area = fmax(area, sqrt(dot(products[k], products[k])));
         const double c1 = (volume(a[1], u[0], v[0], sign) + volume(a[0], u[1], v[0], sign) + volume(a[0], u[0], v[1], sign)) / 3.0;
         const double c2 = (volume(a[0], u[1], v[1], sign) + volume(a[1], u[0], v[1], sign) + volume(a[1], u[1], v[0], sign)) / 3.0;
         const double least = fmin(fmin(volume(a[0], u[0], v[0], sign), c1), fmin(c2, volume(a[1], u[1], v[1], sign)));
@@ -61,15 +60,15 @@ INLINE double apart_by_volume(double (*ways)[2][3], double at, double step, doub
 
 /* For how long two primitives, of n and m vertices at p and q that go from x to y, stay apart by `kept` along a unit normal, that of their gap: of each
  * two vertices the distance along it changes at a constant rate. */
-INLINE double apart_along(int d, int n, const int32_t *one, double (*p)[3], int m, const int32_t *other, double (*q)[3], const double *x, const double *y,
+INLINE double apart_along(int n, const int32_t *one, double (*p)[3], int m, const int32_t *other, double (*q)[3], const double *x, const double *y,
                           const double *normal, double kept)
 {
     double least = INFINITY;
     for (int i = 0; i < n; ++i)
         for (int k = 0; k < m; ++k) {
             double off[3], apart = 0.0, rate = 0.0;
-            minus(d, p[i], q[k], off);
-            apart = dot(d, off, normal) - kept;
+            minus(p[i], q[k], off);
+            apart = dot(off, normal) - kept;
             for (int j = 0; j < d; ++j) {
                 const int64_t a = (int64_t)d * one[i] + j, b = (int64_t)d * other[k] + j;
                 rate += normal[j] * ((y[a] - x[a]) - (y[b] - x[b]));
@@ -92,11 +91,11 @@ INLINE double kept_of(double gap, double kept, double dhat)
 /* The longest step in [0, 1] along which a pair keeps the distance `kept`, by conservative advancement (Li et al. 2021, additive CCD). Bounded:
  * it ends early, with a smaller step, which is safe. `least` is a bound of the pair's distance; it is replaced by the distance where it does not
  * show that the pair keeps its own. Gives the pair's rate on this way, too. */
-INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y, double dhat, double gap_share,
+INLINE double advance(int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y, double dhat, double gap_share,
                       double step, double *least, double *rate)
 {
     double p[3][3], q[3][3], s, t;
-    const double speed = approach(d, n, one, m, other, x, y);
+    const double speed = approach(n, one, m, other, x, y);
     *rate = speed;
     if (ADVANCE * (*least - (gap_share + MARGIN) * dhat) >= step * speed)
         return step;
@@ -110,7 +109,7 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
                 q[i][j] = x[(int64_t)d * other[i] + j] + at * (y[(int64_t)d * other[i] + j] - x[(int64_t)d * other[i] + j]);
         }
         closest_t closest;
-        const double distance = sqrt(n == 1 ? to_facet(d, p[0], corners, &closest) : between_segments(p[0], p[1], q[0], q[1], &s, &t));
+        const double distance = sqrt(n == 1 ? to_facet(p[0], corners, &closest) : between_segments(p[0], p[1], q[0], q[1], &s, &t));
         if (round == 0)
             *least = distance, kept = kept_of(distance, gap_share * fmin(distance, dhat), dhat);
         const double room = distance - kept;
@@ -126,21 +125,21 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
                 normal[j] = n == 1 ? closest.gap[j] : (p[0][j] - q[0][j]) + s * (p[1][j] - p[0][j]) - t * (q[1][j] - q[0][j]);
             if (n == 1)
                 for (; k + 1 < closest.kind; ++k)
-                    minus(d, q[closest.corner[k + 1]], q[closest.corner[0]], sides[k]);
+                    minus(q[closest.corner[k + 1]], q[closest.corner[0]], sides[k]);
             if (n == 2 && s > 0.0 && s < 1.0)
-                minus(d, p[1], p[0], sides[k++]);
+                minus(p[1], p[0], sides[k++]);
             if (n == 2 && t > 0.0 && t < 1.0)
-                minus(d, q[1], q[0], sides[k++]);
+                minus(q[1], q[0], sides[k++]);
             if (d == 3 && k == 2) {
                 for (int end = 0; end < 2; ++end) {
                     const double *z = end ? y : x, *a = z + 3 * one[0], *b = z + 3 * other[0];
-                    minus(3, a, b, ways[0][end]), minus(3, z + 3 * (n == 1 ? other[2] : one[1]), n == 1 ? b : a, ways[1][end]);
-                    minus(3, z + 3 * other[1], b, ways[2][end]);
+                    minus(a, b, ways[0][end]), minus(z + 3 * (n == 1 ? other[2] : one[1]), n == 1 ? b : a, ways[1][end]);
+                    minus(z + 3 * other[1], b, ways[2][end]);
                 }
                 longest = apart_by_volume(ways, at, step, kept) - at;
             } else {
-                unit_across(d, k, sides, normal);
-                longest = ADVANCE * apart_along(d, n, one, p, m, other, q, x, y, normal, kept);
+                unit_across(k, sides, normal);
+                longest = ADVANCE * apart_along(n, one, p, m, other, q, x, y, normal, kept);
             }
             if (longest >= step - at)
                 return step;
@@ -149,4 +148,3 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
     }
     return at;
 }
-#endif

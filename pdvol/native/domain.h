@@ -1,8 +1,6 @@
 /* One of the domains of an energy: how kernels are called on it, its vertices, its F, and how a Hessian over F becomes blocks between its vertices. */
-#ifndef PDVOL_DOMAIN_H
-#define PDVOL_DOMAIN_H
-#include "../../positive.h"
-#include "interface.h"
+#pragma once
+#include "positive.h"
 
 /* Numbers of as many domains side by side. LANES and AHEAD come from the compiler's command line (__init__.py). */
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
@@ -29,10 +27,8 @@ INLINE lanes magnitude(lanes a)
 /* A compiled kernel (kernels.py): A from w, for all lanes. */
 #define CALL(kernel, A, w) ((void (*)(double *, const double *))(kernel))((double *)(A), (const double *)(w))
 
-/* Calls function(d, cells, ...) with the dimension as a constant, and whether all domains are cells: then loops over vertices unroll. */
-#define EACH(domains, function, ...)                                                                                                                 \
-    ((domains)->d == 3 ? (domains)->starts ? function(3, 0, domains, __VA_ARGS__) : function(3, 1, domains, __VA_ARGS__)                              \
-                       : (domains)->starts ? function(2, 0, domains, __VA_ARGS__) : function(2, 1, domains, __VA_ARGS__))
+/* Calls function(cells, ...) with whether all domains are cells as a constant: then loops over vertices unroll. */
+#define EACH(domains, function, ...) ((domains)->starts ? function(0, domains, __VA_ARGS__) : function(1, domains, __VA_ARGS__))
 
 /* Its number of vertices, where they are, and the gradients of all but the first. */
 typedef struct {
@@ -41,7 +37,7 @@ typedef struct {
     const double *gradients;
 } domain_t;
 
-INLINE domain_t domain_at(int d, int cells, const domains_t *domains, int64_t k)
+INLINE domain_t domain_at(int cells, const domains_t *domains, int64_t k)
 {
     const int64_t first = cells ? k * (d + 1) : domains->starts[k];
     return (domain_t){cells ? d + 1 : domains->starts[k + 1] - first, domains->vertices + first, domains->gradients + (first - k) * d};
@@ -71,18 +67,18 @@ INLINE eight plus(eight x, eight y)
 }
 
 /* A vertex's numbers, and zeros behind them. */
-INLINE four vertex(int d, const double *v)
+INLINE four vertex(const double *v)
 {
     return d == 3 ? (four){v[0], v[1], v[2]} : (four){v[0], v[1]};
 }
 
 /* The sum over a domain's vertices of v_a G_a' (d x d): F where v is x. Differences come first, which keeps a small domain's F exact. */
-INLINE void gradient_of(int d, domain_t domain, const double *v, double *F)
+INLINE void gradient_of(domain_t domain, const double *v, double *F)
 {
-    const four v0 = vertex(d, v + (int64_t)domain.vertices[0] * d);
+    const four v0 = vertex(v + (int64_t)domain.vertices[0] * d);
     four columns[3] = {{0.0}};
     for (int64_t i = 0; i < domain.n - 1; ++i) {
-        const four along = vertex(d, v + (int64_t)domain.vertices[i + 1] * d) - v0;
+        const four along = vertex(v + (int64_t)domain.vertices[i + 1] * d) - v0;
         for (int j = 0; j < d; ++j)
             columns[j] += along * domain.gradients[i * d + j];
     }
@@ -98,17 +94,17 @@ INLINE int lanes_used(int64_t count, int64_t first)
 }
 
 /* The domain of a lane, from `first` on; the last one again where there is none. */
-INLINE domain_t domain_in(int d, int cells, const domains_t *domains, int64_t first, int lane)
+INLINE domain_t domain_in(int cells, const domains_t *domains, int64_t first, int lane)
 {
-    return domain_at(d, cells, domains, first + lane < domains->count ? first + lane : domains->count - 1);
+    return domain_at(cells, domains, first + lane < domains->count ? first + lane : domains->count - 1);
 }
 
 /* F of the domains from `first` on. */
-INLINE void gradients_of(int d, int cells, const domains_t *domains, int64_t first, const double *v, lanes *F)
+INLINE void gradients_of(int cells, const domains_t *domains, int64_t first, const double *v, lanes *F)
 {
     for (int l = 0; l < LANES; ++l) {
         double one[9];
-        gradient_of(d, domain_in(d, cells, domains, first, l), v, one);
+        gradient_of(domain_in(cells, domains, first, l), v, one);
         for (int a = 0; a < d * d; ++a)
             F[a][l] = one[a];
     }
@@ -136,7 +132,7 @@ INLINE void coefficients(const density_t *density, int64_t first, int k, const l
 }
 
 /* The gradient of a domain's first vertex. */
-INLINE void first_gradient(int d, domain_t domain, double *g)
+INLINE void first_gradient(domain_t domain, double *g)
 {
     for (int j = 0; j < d; ++j)
         g[j] = 0.0;
@@ -153,10 +149,10 @@ typedef struct {
 
 /* Adds a domain's Hessian to the blocks `out`: H is that over F, block H[j][m] between its columns j and m. `slot` has one entry per pair of vertices,
  * the first not behind the second: s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. Returns the next domain's slots. */
-INLINE const int32_t *add_blocks(int d, int cells, domain_t domain, block_t H[3][3], const int32_t *slot, double *out)
+INLINE const int32_t *add_blocks(int cells, domain_t domain, block_t H[3][3], const int32_t *slot, double *out)
 {
     double first[3];
-    first_gradient(d, domain, first);
+    first_gradient(domain, first);
     for (int64_t i = 0; i < domain.n; ++i) {
         const double *gi = i ? domain.gradients + (i - 1) * d : first;
         block_t T[3]; /* H contracted with g_i on the left */
@@ -196,4 +192,3 @@ INLINE const int32_t *add_blocks(int d, int cells, domain_t domain, block_t H[3]
     }
     return slot;
 }
-#endif

@@ -1,10 +1,13 @@
-"""The compiled cell loops."""
+"""The compiled loops over domains, contacts and rows of matrices.
+
+Block CSR is `hessian_blocks.BlockCsr`, which says what SPARE is.
+"""
 
 from pathlib import Path
 
-from pdvol.compiled import FLAGS, Library, cache_folder, ffi, pointer
+from pdvol.compiled import Library
 
-__all__ = ["FLAGS", "cache_folder", "ffi", "library", "pointer"]
+__all__ = ["library"]
 
 # domains for which a kernel is evaluated at once: as many as AVX2's registers hold numbers. Where registers are smaller
 # than these vectors, GCC takes memory for them, and a Hessian takes 4 times as long. With eight, which AVX-512 holds, a
@@ -16,7 +19,4 @@ MAX_PARAMETERS = 64
 # Hessian of smoothed elements takes 1.4 times as long, with 64 to 200 the same
 AHEAD = 96
 
-library = Library(
-    Path(__file__).parent,
-    {"LANES": LANES, "AHEAD": AHEAD, "MAX_PARAMETERS": MAX_PARAMETERS},
-)
+library = Library(Path(__file__).parent, {"LANES": LANES, "AHEAD": AHEAD, "MAX_PARAMETERS": MAX_PARAMETERS})

@@ -3,7 +3,7 @@
 
 /* How vertices are away from the nearest place on the straight way from `start` by `move` (0: `start` itself): the mean vector of each object's
  * (`drift`), and the largest length of what is left without it (`sizes`). `firsts`: (objects + 1) where the objects' vertices begin. */
-INLINE void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *drift,
+INLINE void deviations(int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *drift,
                        double *sizes)
 {
     double along = 0.0, size = 0.0;
@@ -31,13 +31,11 @@ INLINE void deviations(int d, int64_t objects, const int64_t *firsts, const doub
 
 /* The least that is left of the `room` (objects, objects) by which parts of two objects, or of one, may come nearer to each other since `start`, or a
  * place on the way from there by `move`. Negative where memory ran out, or a vertex is not a number. */
-double spare_room(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, const double *room)
+double spare_room(int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, const double *room)
 {
     double *drift = calloc(4 * objects + 1, sizeof(double)), *sizes = drift + 3 * objects, spare = drift ? INFINITY : -1.0;
-    if (drift && d == 3)
-        deviations(3, objects, firsts, start, move, vertices, drift, sizes);
-    else if (drift)
-        deviations(2, objects, firsts, start, move, vertices, drift, sizes);
+    if (drift)
+        deviations(objects, firsts, start, move, vertices, drift, sizes);
     for (int64_t one = 0; drift && one < objects; ++one)
         for (int64_t other = one; other < objects; ++other) {
             double size = 0.0;
@@ -81,7 +79,9 @@ static void polar_rotation(const double *m, double *r)
         r[k] = k % 4 == 0;
 }
 
-INLINE void move_all_back(int d, int64_t objects, const int64_t *firsts, int turned, const double *start, double *vertices, double *turns)
+/* Takes the rigid motion of each object since `start` from its vertices, or its shift alone where not `turned`. `turns` (objects, 3, 3): by how much
+ * each was turned. */
+void move_back(int64_t objects, const int64_t *firsts, int turned, const double *start, double *vertices, double *turns)
 {
     for (int64_t object = 0; object < objects; ++object) {
         const int64_t first = firsts[object], count = firsts[object + 1] - first;
@@ -105,14 +105,4 @@ INLINE void move_all_back(int d, int64_t objects, const int64_t *firsts, int tur
                 y[k + j] = before[j] + q[0] * turn[j] + q[1] * turn[3 + j] + q[2] * turn[6 + j];
         }
     }
-}
-
-/* Takes the rigid motion of each object since `start` from its vertices, or its shift alone where not `turned`. `turns` (objects, 3, 3): by how much
- * each was turned. */
-void move_back(int d, int64_t objects, const int64_t *firsts, int turned, const double *start, double *vertices, double *turns)
-{
-    if (d == 3)
-        move_all_back(3, objects, firsts, turned, start, vertices, turns);
-    else
-        move_all_back(2, objects, firsts, turned, start, vertices, turns);
 }

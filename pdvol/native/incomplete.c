@@ -1,15 +1,12 @@
 /* Incomplete Cholesky factor A ~ R' R by blocks, without fill, in single precision: R' R is positive semi-definite however R is rounded. */
 #include "linear.h"
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 /* Where a pivot is not positive definite, diagonal blocks are multiplied by one plus a shift (Manteuffel 1980). */
 #define FIRST_SHIFT 0.15 /* share of the diagonal, tried first: stiff contacts need 0.1 to 0.2, twice as much costs a fifth more iterations */
 #define SHIFT_RATIO 2.0  /* ratio of consecutive shifts: a failed try costs two or three iterations */
 
 /* inverse (d, d) of the upper triangular R with R' R = A (rows of four numbers). Returns 1 where A is not positive definite. */
-INLINE int invert_root(int d, const float *A, float *inverse)
+INLINE int invert_root(const float *A, float *inverse)
 {
     float R[9] = {0};
     for (int a = 0; a < d; ++a) {
@@ -35,32 +32,34 @@ INLINE int invert_root(int d, const float *A, float *inverse)
     return 0;
 }
 
-/* Rows of a block CSR: those of a rank's own vertices, and what comes to them and behind them by vertices of other ranks. */
-typedef struct {
-    int64_t count;
-    const int32_t *starts, *columns;
-    const double *blocks;
-} rows_t;
-
-/* One row after the other is gathered from both `parts` in `row`, blocks of d rows of four numbers; `place` has the row's block in each column. Done
- * rows wait in the list of the column that they change next. Returns the first row whose pivot fails, or n. */
-INLINE int64_t try_shift(int d, int64_t n, const rows_t *parts, const double *least, float shift, int32_t *r_starts, int32_t *r_columns, float *R,
-                         float *row, int32_t *place, int32_t *next, int32_t *first, int32_t *at)
+/* How many blocks row i has in `own` (part 0) and in `between` (part 1). */
+INLINE int64_t length(const linear_system *s, int part, int64_t i)
 {
-    const int dd = d * d, s = 4 * d;
+    const int32_t *starts = part ? s->between.starts : s->own.starts;
+    return starts && (part || i < s->count) ? starts[i + 1] - starts[i] : 0;
+}
+
+/* One row after the other is gathered in `row` from `own` and `between`, blocks of d rows of four numbers; `place` has the row's block in each column.
+ * Done rows wait in the list of the column that they change next. Returns the first row whose pivot fails, or n. */
+INLINE int64_t try_shift(const linear_system *s, const double *least, float shift, float *row, int32_t *place)
+{
+    const int64_t n = s->count + s->others;
+    int32_t *r_starts = s->factor_starts, *r_columns = s->factor_columns, *next = place + n, *first = next + n, *at = first + n;
+    float *R = s->factor;
     int64_t end = 0;
     for (int64_t i = 0; i < n; ++i)
         place[i] = first[i] = -1;
     for (int64_t i = 0; i < n; ++i) {
         const int64_t begin = end;
-        for (const rows_t *part = parts; part < parts + 2; ++part)
-            for (int64_t k = i < part->count ? part->starts[i] : 0; k < (i < part->count ? part->starts[i + 1] : 0); ++k) {
-                const double *block = part->blocks + k * dd;
-                const int64_t j = part->columns[k];
+        for (int p = 0; p < 2; ++p)
+            for (int64_t k = 0, count = length(s, p, i); k < count; ++k) {
+                const rows_t *part = p ? &s->between : &s->own;
+                const double *block = part->blocks + (part->starts[i] + k) * dd;
+                const int64_t j = part->columns[part->starts[i] + k];
                 if (least && end > begin && squares(dd, block) < least[i] * least[j])
                     continue;
                 for (int a = 0; a < d; ++a)
-                    *(narrow *)(row + (end - begin) * s + a * 4) = __builtin_convertvector(*(const wide *)(block + a * d), narrow);
+                    *(narrow *)(row + (end - begin) * 4 * d + a * 4) = __builtin_convertvector(*(const wide *)(block + a * d), narrow);
                 place[j] = end, r_columns[end++] = j;
             }
         r_starts[i] = begin, r_starts[i + 1] = end;
@@ -75,10 +74,10 @@ INLINE int64_t try_shift(int d, int64_t n, const rows_t *parts, const double *le
                 if (to < 0)
                     continue;
                 for (int a = 0; a < d; ++a) {
-                    narrow sum = *(narrow *)(row + to * s + a * 4);
+                    narrow sum = *(narrow *)(row + to * 4 * d + a * 4);
                     for (int b = 0; b < d; ++b)
                         sum -= left[b * d + a] * *(const narrow *)(R + k * dd + b * d);
-                    *(narrow *)(row + to * s + a * 4) = sum;
+                    *(narrow *)(row + to * 4 * d + a * 4) = sum;
                 }
             }
             if (own + 1 < last) {
@@ -88,13 +87,13 @@ INLINE int64_t try_shift(int d, int64_t n, const rows_t *parts, const double *le
             }
         }
         float *root = R + begin * dd;
-        if (invert_root(d, row, root))
+        if (invert_root(row, root))
             return i;
         for (int64_t k = begin + 1; k < end; ++k)
             for (int a = 0; a < d; ++a) {
-                narrow sum = root[a] * *(const narrow *)(row + (k - begin) * s);
+                narrow sum = root[a] * *(const narrow *)(row + (k - begin) * 4 * d);
                 for (int b = 1; b <= a; ++b)
-                    sum += root[b * d + a] * *(const narrow *)(row + (k - begin) * s + b * 4);
+                    sum += root[b * d + a] * *(const narrow *)(row + (k - begin) * 4 * d + b * 4);
                 *(narrow *)(R + k * dd + a * d) = sum;
             }
         if (begin + 1 < end) {
@@ -107,46 +106,44 @@ INLINE int64_t try_shift(int d, int64_t n, const rows_t *parts, const double *le
 }
 
 /* Whether a d x d block is not positive definite, so that no shift helps. */
-INLINE int is_indefinite(int d, const double *block)
+INLINE int is_indefinite(const double *block)
 {
     float A[12] = {0}, inverse[9];
     for (int a = 0; a < d; ++a)
         for (int b = 0; b < d; ++b)
             A[a * 4 + b] = block[a * d + b];
-    return invert_root(d, A, inverse);
+    return invert_root(A, inverse);
 }
 
 /* The block on the diagonal at vertex i of the factor. */
-INLINE const double *diagonal(int d, const linear_system *s, int64_t i)
+INLINE const double *diagonal(const linear_system *s, int64_t i)
 {
-    return i < s->count ? s->blocks + (int64_t)s->starts[i] * d * d : s->others_blocks + (int64_t)s->others_starts[i] * d * d;
+    return i < s->count ? s->own.blocks + (int64_t)s->own.starts[i] * dd : s->between.blocks + (int64_t)s->between.starts[i] * dd;
 }
 
-INLINE int factor(int d, const linear_system *s, double drop)
+/* R of A without the blocks beside the diagonal with |A_ij|^2 < drop^2 |A_ii| |A_jj|, in the system's factor_starts, factor_columns (room for as many
+ * blocks as A has) and factor. Diagonal blocks are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite,
+ * and 0 where memory ran out. */
+int incomplete_cholesky(const linear_system *s, double drop)
 {
-    const rows_t parts[2] = {{s->count, s->starts, s->columns, s->blocks},
-                             {s->others_starts ? s->count + s->others : 0, s->others_starts, s->others_columns, s->others_blocks}};
     const int64_t n = s->count + s->others;
     int64_t longest = 0;
     for (int64_t i = 0; i < n; ++i) {
-        int64_t length = 0;
-        for (int p = 0; p < 2; ++p)
-            length += i < parts[p].count ? parts[p].starts[i + 1] - parts[p].starts[i] : 0;
-        longest = length > longest ? length : longest;
+        const int64_t both = length(s, 0, i) + length(s, 1, i);
+        longest = both > longest ? both : longest;
     }
     float *row = malloc(longest * 4 * d * sizeof(float) + 1);
     int32_t *lists = malloc(4 * n * sizeof(int32_t) + 1);
     double *least = drop > 0.0 ? malloc(n * sizeof(double) + 1) : 0;
     int tries = 0;
     for (int64_t i = 0; least && i < n; ++i)
-        least[i] = drop * sqrt(squares(d * d, diagonal(d, s, i)));
+        least[i] = drop * sqrt(squares(dd, diagonal(s, i)));
     for (float shift = 0.0f; row && lists && (least || !(drop > 0.0)); shift = shift > 0.0f ? SHIFT_RATIO * shift : FIRST_SHIFT) {
         ++tries;
-        const int64_t failed = try_shift(d, n, parts, least, shift, s->factor_starts, s->factor_columns, s->factor, row, lists, lists + n,
-                                         lists + 2 * n, lists + 3 * n);
+        const int64_t failed = try_shift(s, least, shift, row, lists);
         if (failed == n)
             break;
-        if (is_indefinite(d, diagonal(d, s, failed)) || isinf(shift)) {
+        if (is_indefinite(diagonal(s, failed)) || isinf(shift)) {
             tries = -1;
             break;
         }
@@ -155,14 +152,11 @@ INLINE int factor(int d, const linear_system *s, double drop)
     return tries;
 }
 
-/* R of A without the blocks beside the diagonal with |A_ij|^2 < drop^2 |A_ii| |A_jj|, in the system's factor_starts, factor_columns (room for as many
- * blocks as A has) and factor. Diagonal blocks are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite,
- * and 0 where memory ran out. */
-int incomplete_cholesky(const linear_system *s, double drop) { return s->d == 3 ? factor(3, s, drop) : factor(2, s, drop); }
-
-INLINE void solve(int d, int64_t n, const int32_t *starts, const int32_t *columns, const float *R, float *v)
+void precondition_locally(const linear_system *s, float *v)
 {
-    const int dd = d * d;
+    const int64_t n = s->count + s->others;
+    const int32_t *starts = s->factor_starts, *columns = s->factor_columns;
+    const float *R = s->factor;
     for (int64_t i = 0; i < n; ++i) { /* R' y = v */
         const float *root = R + (int64_t)starts[i] * dd;
         float y[3];
@@ -199,13 +193,4 @@ INLINE void solve(int d, int64_t n, const int32_t *starts, const int32_t *column
             v[i * 4 + a] = z;
         }
     }
-}
-
-void precondition_locally(const linear_system *s, float *z)
-{
-    const int64_t n = s->count + s->others;
-    if (s->d == 3)
-        solve(3, n, s->factor_starts, s->factor_columns, s->factor, z);
-    else
-        solve(2, n, s->factor_starts, s->factor_columns, s->factor, z);
 }

@@ -190,7 +190,7 @@ INLINE const int32_t *add_hessians(int cells, const domains_t *domains, const de
                 blocks[l][j][m] = (block_t){heads[l], H[j < m ? j : m][j < m ? m : j][8][l]};
         }
     for (int l = 0; l < used; ++l)
-        slots = add_blocks(3, cells, domain_at(3, cells, domains, first + l), blocks[l], slots, out);
+        slots = add_blocks(cells, domain_at(cells, domains, first + l), blocks[l], slots, out);
     return slots;
 }
 
@@ -200,7 +200,7 @@ INLINE void isotropic(int cells, const domains_t *domains, const density_t *dens
     for (int64_t first = 0; first < domains->count; first += GROUPS * LANES) {
         lanes F[GROUPS][3][3], C[GROUPS][3][3], V[GROUPS][3][3];
         for (int g = 0; g < GROUPS; ++g) {
-            gradients_of(3, cells, domains, first + g * LANES, x, F[g][0]);
+            gradients_of(cells, domains, first + g * LANES, x, F[g][0]);
             for (int i = 0; i < 3; ++i)
                 for (int j = 0; j < 3; ++j)
                     C[g][i][j] = F[g][0][i] * F[g][0][j] + F[g][1][i] * F[g][1][j] + F[g][2][i] * F[g][2][j];
@@ -216,10 +216,7 @@ INLINE void isotropic(int cells, const domains_t *domains, const density_t *dens
 void isotropic_hessians(const domains_t *domains, const density_t *density, const density_t *second, const double *x, const int32_t *slots, int mode,
                         double weight, double *out)
 {
-    if (domains->starts)
-        isotropic(0, domains, density, second, x, slots, mode, weight, out);
-    else
-        isotropic(1, domains, density, second, x, slots, mode, weight, out);
+    EACH(domains, isotropic, density, second, x, slots, mode, weight, out);
 }
 
 /* For `count` symmetric matrices C = F' F (count, 3, 3): those with the same axes, and 1 / s in place of s^2 along an axis of extension, 1 / s^2 along

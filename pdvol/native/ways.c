@@ -5,21 +5,20 @@
  * are some, become those of the way from x to y. */
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share, const pairs_t *pairs, double step)
 {
-    const int d = s->d, bounded = pairs->begin != 0;
+    const int bounded = pairs->begin != 0;
     const place_t place = bounded ? place_of(s, pairs, x) : (place_t){0.0, 0.0};
     double rate;
     for (int64_t k = 0; k < pairs->n_points; ++k) {
         const int32_t *pair = pairs->points + 2 * k, *facet = s->facet + (int64_t)d * pair[1];
         double least = bounded ? left(place, pairs->point_bounds[k], pairs->point_rates[k]) : 0.0;
-        step = d == 3 ? advance(3, 1, pair, 3, facet, x, y, dhat, gap_share, step, &least, &rate)
-                      : advance(2, 1, pair, 2, facet, x, y, dhat, gap_share, step, &least, &rate);
+        step = advance(1, pair, d, facet, x, y, dhat, gap_share, step, &least, &rate);
         if (bounded)
             pairs->point_bounds[k] = least, pairs->point_rates[k] = rate;
     }
     for (int64_t k = 0; k < pairs->n_edges; ++k) {
         const int32_t *pair = pairs->edges + 2 * k, *one = s->edge + 2 * (int64_t)pair[0], *other = s->edge + 2 * (int64_t)pair[1];
         double least = bounded ? left(place, pairs->edge_bounds[k], pairs->edge_rates[k]) : 0.0;
-        step = advance(3, 2, one, 2, other, x, y, dhat, gap_share, step, &least, &rate);
+        step = advance(2, one, 2, other, x, y, dhat, gap_share, step, &least, &rate);
         if (bounded)
             pairs->edge_bounds[k] = least, pairs->edge_rates[k] = rate;
     }
@@ -29,17 +28,16 @@ double longest_step(const surface_t *s, const double *x, const double *y, double
 /* The same of this rank's vertices and half-spaces, of each gap alone. Gaps are taken to close at a constant rate: exact where planes do not turn. */
 double half_space_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share)
 {
-    const int d = s->d;
     double step = 1.0;
     for (int64_t plane = 0; plane < s->planes; ++plane) {
         const int64_t frame = d * (s->vertices + (d + 1) * plane);
         double before[3], after[3], from[3], to[3];
-        minus(d, x + frame + d, x + frame, before), minus(d, y + frame + d, y + frame, after);
+        minus(x + frame + d, x + frame, before), minus(y + frame + d, y + frame, after);
         for (int64_t v = 0; v < s->vertices; ++v) {
             if (s->owned[v] != 1)
                 continue;
-            minus(d, x + d * v, x + frame, from), minus(d, y + d * v, y + frame, to);
-            const double gap = dot(d, from, before), approach = gap - dot(d, to, after);
+            minus(x + d * v, x + frame, from), minus(y + d * v, y + frame, to);
+            const double gap = dot(from, before), approach = gap - dot(to, after);
             const double kept = gap_share * gap, least = kept_of(gap, kept, dhat);
             const double most = least > kept ? gap - least : (1.0 - gap_share) * fmax(gap, 0.0);
             if (approach > 0.0 && most < step * approach)
@@ -53,8 +51,8 @@ double half_space_step(const surface_t *s, const double *x, const double *y, dou
 enum { POINT, EDGES, PLANE };
 
 /* Adds the meeting of two primitives, of n and m vertices, at a share of the way. */
-INLINE void add_meeting(const surface_t *s, int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y, double time,
-                        double distance, double weight, int64_t room, int64_t *count, meeting_t *out)
+INLINE void add_meeting(const surface_t *s, int32_t kind, const int32_t *pair, int n, const int32_t *one, int m, const int32_t *other, const double *x,
+                        const double *y, double time, double distance, double weight, int64_t room, int64_t *count, meeting_t *out)
 {
     double p[2][3], q[3][3], gap[3], c[4] = {0.0};
     const double *corners[3] = {q[0], q[1], q[2]};
@@ -62,6 +60,7 @@ INLINE void add_meeting(const surface_t *s, int d, int n, const int32_t *one, in
     if (k >= room)
         return;
     meeting_t *to = out + k;
+    to->pair[0] = kind, to->pair[1] = pair[0], to->pair[2] = pair[1];
     for (int i = 0; i < 4; ++i)
         to->vertices[i] = i < n ? one[i] : i < n + m ? other[i - n] : one[0];
     for (int j = 0; j < d; ++j) {
@@ -72,7 +71,7 @@ INLINE void add_meeting(const surface_t *s, int d, int n, const int32_t *one, in
     }
     if (n == 1) {
         closest_t at;
-        to_facet(d, p[0], corners, &at);
+        to_facet(p[0], corners, &at);
         c[0] = 1.0;
         for (int i = 0; i < at.kind; ++i)
             c[1 + at.corner[i]] = -at.share[i];
@@ -86,7 +85,7 @@ INLINE void add_meeting(const surface_t *s, int d, int n, const int32_t *one, in
         for (int i = 0; i < n + m; ++i)
             gap[j] += c[i] * (i < n ? p[i][j] : q[i - n][j]);
     }
-    const double size = fmax(sqrt(dot(d, gap, gap)), 1e-300);
+    const double size = fmax(sqrt(dot(gap, gap)), 1e-300);
     to->gap = 0.0;
     for (int j = 0; j < d; ++j) {
         to->normal[j] = gap[j] / size;
@@ -98,19 +97,19 @@ INLINE void add_meeting(const surface_t *s, int d, int n, const int32_t *one, in
 }
 
 /* The same of this rank's vertices and half-spaces. */
-INLINE void plane_meetings(int d, const surface_t *s, const double *x, const double *y, double gap_share, int64_t room, int64_t *count, meeting_t *out)
+INLINE void plane_meetings(const surface_t *s, const double *x, const double *y, double gap_share, int64_t room, int64_t *count, meeting_t *out)
 {
     for (int64_t plane = 0; plane < s->planes; ++plane) {
         const int32_t origin = (int32_t)(s->vertices + (d + 1) * plane);
         double before[3], after[3], from[3], to[3], still[3];
-        minus(d, x + (int64_t)d * (origin + 1), x + (int64_t)d * origin, before), minus(d, y + (int64_t)d * (origin + 1), y + (int64_t)d * origin, after);
+        minus(x + (int64_t)d * (origin + 1), x + (int64_t)d * origin, before), minus(y + (int64_t)d * (origin + 1), y + (int64_t)d * origin, after);
         for (int32_t v = 0; v < s->vertices; ++v) {
             if (s->owned[v] != 1)
                 continue;
-            minus(d, x + (int64_t)d * v, x + (int64_t)d * origin, from), minus(d, y + (int64_t)d * v, x + (int64_t)d * v, to);
-            minus(d, x + (int64_t)d * v, y + (int64_t)d * origin, still);
-            const double gap = dot(d, from, before), left = dot(d, still, after); /* without the vertex's own motion */
-            const double approach = gap - left - dot(d, to, after), most = (1.0 - gap_share) * fmax(gap, 0.0);
+            minus(x + (int64_t)d * v, x + (int64_t)d * origin, from), minus(y + (int64_t)d * v, x + (int64_t)d * v, to);
+            minus(x + (int64_t)d * v, y + (int64_t)d * origin, still);
+            const double gap = dot(from, before), left = dot(still, after); /* without the vertex's own motion */
+            const double approach = gap - left - dot(to, after), most = (1.0 - gap_share) * fmax(gap, 0.0);
             if (!(approach > most))
                 continue;
             const int64_t k = (*count)++;
@@ -127,12 +126,8 @@ INLINE void plane_meetings(int d, const surface_t *s, const double *x, const dou
 int64_t find_meetings(const surface_t *s, const double *x, const double *y, double dhat, double gap_share, int n, pairs_t *const *lists, int64_t room,
                       meeting_t *out)
 {
-    const int d = s->d;
     int64_t count = 0;
-    if (d == 3)
-        plane_meetings(3, s, x, y, gap_share, room, &count, out);
-    else
-        plane_meetings(2, s, x, y, gap_share, room, &count, out);
+    plane_meetings(s, x, y, gap_share, room, &count, out);
     for (int list = 0; list < n; ++list) {
         const pairs_t *pairs = lists[list];
         if (!pairs->n_points && !pairs->n_edges)
@@ -141,28 +136,19 @@ int64_t find_meetings(const surface_t *s, const double *x, const double *y, doub
         for (int64_t k = 0; k < pairs->n_points; ++k) {
             const int32_t *pair = pairs->points + 2 * k, *facet = s->facet + (int64_t)d * pair[1];
             double least = pairs->begin ? left(place, pairs->point_bounds[k], pairs->point_rates[k]) : 0.0;
-            const double time = d == 3 ? advance(3, 1, pair, 3, facet, x, y, dhat, gap_share, 1.0, &least, pairs->point_rates + k)
-                                       : advance(2, 1, pair, 2, facet, x, y, dhat, gap_share, 1.0, &least, pairs->point_rates + k);
+            const double time = advance(1, pair, d, facet, x, y, dhat, gap_share, 1.0, &least, pairs->point_rates + k);
             pairs->point_bounds[k] = least;
-            if (time == 1.0)
-                continue;
-            if (count < room)
-                out[count].pair[0] = POINT, out[count].pair[1] = pair[0], out[count].pair[2] = pair[1];
-            if (d == 3)
-                add_meeting(s, 3, 1, pair, 3, facet, x, y, time, least, s->areas[pair[0]], room, &count, out);
-            else
-                add_meeting(s, 2, 1, pair, 2, facet, x, y, time, least, s->areas[pair[0]], room, &count, out);
+            if (time < 1.0)
+                add_meeting(s, POINT, pair, 1, pair, d, facet, x, y, time, least, s->areas[pair[0]], room, &count, out);
         }
         for (int64_t k = 0; k < pairs->n_edges; ++k) {
             const int32_t *pair = pairs->edges + 2 * k, *one = s->edge + 2 * (int64_t)pair[0], *other = s->edge + 2 * (int64_t)pair[1];
             double least = pairs->begin ? left(place, pairs->edge_bounds[k], pairs->edge_rates[k]) : 0.0;
-            const double time = advance(3, 2, one, 2, other, x, y, dhat, gap_share, 1.0, &least, pairs->edge_rates + k);
+            const double time = advance(2, one, 2, other, x, y, dhat, gap_share, 1.0, &least, pairs->edge_rates + k);
             pairs->edge_bounds[k] = least;
-            if (time == 1.0)
-                continue;
-            if (count < room)
-                out[count].pair[0] = EDGES, out[count].pair[1] = pair[0], out[count].pair[2] = pair[1];
-            add_meeting(s, 3, 2, one, 2, other, x, y, time, least, fmin(s->edge_areas[pair[0]], s->edge_areas[pair[1]]), room, &count, out);
+            const double weight = fmin(s->edge_areas[pair[0]], s->edge_areas[pair[1]]);
+            if (time < 1.0)
+                add_meeting(s, EDGES, pair, 2, one, 2, other, x, y, time, least, weight, room, &count, out);
         }
     }
     return count;

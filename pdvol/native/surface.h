@@ -1,23 +1,18 @@
 /* The primitives of a contact surface, and distances between them. Points have d = 2 or 3 numbers; facets are edges in 2D, triangles in 3D. */
-#ifndef PDVOL_SURFACE_H
-#define PDVOL_SURFACE_H
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#pragma once
 
-#include "../../positive.h"
-#include "interface.h"
+#include "positive.h"
 
 #define NEARLY_PARALLEL 1e-8 /* sin^2 of an angle: below it products of edges lose half of their digits */
 
 #define MARGIN 1e-6 /* share of a distance that bounds and advances are not trusted with: bounds are lowered often, and steps end continuously */
 
-INLINE double dot(int d, const double *a, const double *b)
+INLINE double dot(const double *a, const double *b)
 {
     return a[0] * b[0] + a[1] * b[1] + (d == 3 ? a[2] * b[2] : 0.0);
 }
 
-INLINE void minus(int d, const double *a, const double *b, double *out)
+INLINE void minus(const double *a, const double *b, double *out)
 {
     for (int j = 0; j < d; ++j)
         out[j] = a[j] - b[j];
@@ -40,30 +35,30 @@ typedef struct {
     double share[3], gap[3];
 } closest_t;
 
-INLINE double to_edge(int d, const double *p, const double *a, const double *b, closest_t *c)
+INLINE double to_edge(const double *p, const double *a, const double *b, closest_t *c)
 {
     double ab[3], ap[3];
-    minus(d, b, a, ab), minus(d, p, a, ap);
-    const double along = dot(d, ab, ap), size = dot(d, ab, ab);
+    minus(b, a, ab), minus(p, a, ap);
+    const double along = dot(ab, ap), size = dot(ab, ab);
     if (!(along > 0.0) || along >= size) {
         const int end = along > 0.0;
         c->kind = 1, c->corner[0] = end, c->share[0] = 1.0;
-        minus(d, p, end ? b : a, c->gap);
+        minus(p, end ? b : a, c->gap);
     } else {
         const double t = along / size;
         c->kind = 2, c->corner[0] = 0, c->corner[1] = 1, c->share[0] = 1.0 - t, c->share[1] = t;
         for (int j = 0; j < d; ++j)
             c->gap[j] = ap[j] - t * ab[j];
     }
-    return dot(d, c->gap, c->gap);
+    return dot(c->gap, c->gap);
 }
 
 /* Of a triangle: inside it, or the closest of its edges' closest points. */
 INLINE double to_triangle(const double *p, const double *const *x, closest_t *c)
 {
     double u[3], v[3], w[3];
-    minus(3, x[1], x[0], u), minus(3, x[2], x[0], v), minus(3, p, x[0], w);
-    const double uu = dot(3, u, u), uv = dot(3, u, v), vv = dot(3, v, v), uw = dot(3, u, w), vw = dot(3, v, w);
+    minus(x[1], x[0], u), minus(x[2], x[0], v), minus(p, x[0], w);
+    const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), uw = dot(u, w), vw = dot(v, w);
     const double det = uu * vv - uv * uv, s = vv * uw - uv * vw, t = uu * vw - uv * uw;
     if (s > 0.0 && t > 0.0 && s + t < det) {
         const double a = s / det, b = t / det;
@@ -73,12 +68,12 @@ INLINE double to_triangle(const double *p, const double *const *x, closest_t *c)
         c->share[0] = 1.0 - a - b, c->share[1] = a, c->share[2] = b;
         for (int j = 0; j < 3; ++j)
             c->gap[j] = w[j] - a * u[j] - b * v[j];
-        return dot(3, c->gap, c->gap);
+        return dot(c->gap, c->gap);
     }
     double least = INFINITY;
     for (int i = 0; i < 3; ++i) {
         closest_t edge;
-        const double distance = to_edge(3, p, x[i], x[(i + 1) % 3], &edge);
+        const double distance = to_edge(p, x[i], x[(i + 1) % 3], &edge);
         if (distance < least) {
             least = distance, *c = edge;
             for (int k = 0; k < edge.kind; ++k)
@@ -88,17 +83,17 @@ INLINE double to_triangle(const double *p, const double *const *x, closest_t *c)
     return least;
 }
 
-INLINE double to_facet(int d, const double *p, const double *const *x, closest_t *c)
+INLINE double to_facet(const double *p, const double *const *x, closest_t *c)
 {
-    return d == 3 ? to_triangle(p, x, c) : to_edge(2, p, x[0], x[1], c);
+    return d == 3 ? to_triangle(p, x, c) : to_edge(p, x[0], x[1], c);
 }
 
 /* Closest points of two segments a, b and c, d: shares along both; returns the squared distance. Any pair of closest points of parallel ones. */
 INLINE double between_segments(const double *a, const double *b, const double *c, const double *d, double *s, double *t)
 {
     double u[3], v[3], w[3], gap[3];
-    minus(3, b, a, u), minus(3, d, c, v), minus(3, c, a, w);
-    const double uu = dot(3, u, u), uv = dot(3, u, v), vv = dot(3, v, v), uw = dot(3, u, w), vw = dot(3, v, w);
+    minus(b, a, u), minus(d, c, v), minus(c, a, w);
+    const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), uw = dot(u, w), vw = dot(v, w);
     const double det = uu * vv - uv * uv;
     *s = det > 0.0 ? clamp((uw * vv - vw * uv) / det) : 0.0;
     *t = (*s * uv - vw) / vv;
@@ -108,12 +103,12 @@ INLINE double between_segments(const double *a, const double *b, const double *c
         *t = 1.0, *s = clamp((uw + uv) / uu);
     for (int j = 0; j < 3; ++j)
         gap[j] = *s * u[j] - w[j] - *t * v[j];
-    double least = dot(3, gap, gap);
+    double least = dot(gap, gap);
     if (det <= NEARLY_PARALLEL * uu * vv) { /* where the shares above are round-off: an end of one of them is closest, or nearly so */
         const double *ends[4] = {a, b, c, d};
         for (int i = 0; i < 4; ++i) {
             closest_t found;
-            const double distance = to_edge(3, ends[i], i < 2 ? c : a, i < 2 ? d : b, &found);
+            const double distance = to_edge(ends[i], i < 2 ? c : a, i < 2 ? d : b, &found);
             if (distance < least) {
                 const double along = found.kind == 2 ? found.share[1] : found.corner[0];
                 least = distance, *s = i < 2 ? i : along, *t = i < 2 ? along : i - 2;
@@ -132,12 +127,12 @@ INLINE place_t place_of(const surface_t *s, const pairs_t *pairs, const double *
 {
     const double *x = pairs->begin, *y = pairs->end;
     double along = 0.0, size = 0.0, most = 0.0;
-    for (int64_t k = 0; k < s->d * s->vertices; ++k)
+    for (int64_t k = 0; k < d * s->vertices; ++k)
         along += (place[k] - x[k]) * (y[k] - x[k]), size += (y[k] - x[k]) * (y[k] - x[k]);
     const double share = size > 0.0 ? clamp(along / size) : 0.0;
-    for (int64_t k = 0; k < s->d * s->vertices; k += s->d) {
+    for (int64_t k = 0; k < d * s->vertices; k += d) {
         double own = 0.0;
-        for (int64_t j = k; j < k + s->d; ++j) {
+        for (int64_t j = k; j < k + d; ++j) {
             const double away = place[j] - x[j] - share * (y[j] - x[j]);
             own += away * away;
         }
@@ -153,7 +148,7 @@ INLINE double left(place_t place, double bound, double rate)
 }
 
 /* Largest relative motion of two primitives, whose vertices move by y - x: their distance changes by no more. */
-INLINE double approach(int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y)
+INLINE double approach(int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y)
 {
     double most = 0.0;
     for (int i = 0; i < n; ++i)
@@ -170,4 +165,3 @@ INLINE double approach(int d, int n, const int32_t *one, int m, const int32_t *o
 }
 
 int active_contacts(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, contacts_t *to);
-#endif

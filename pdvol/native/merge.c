@@ -1,14 +1,17 @@
 /* Rows of a matrix in d x d blocks from those that cells couple and those of pairs, summed by place. */
-#include <stdlib.h>
+#include "common.h"
 
-#include "../../positive.h"
-#include "interface.h"
-
-INLINE int64_t merge(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts, const int32_t *cell_columns, const double *cells,
-                     int64_t pairs, const int64_t *pair_rows, const int64_t *pair_columns, const double *pair_blocks, const uint8_t *fixed,
-                     int32_t *starts, int32_t *columns, double *blocks)
+/* Rows of the sum, block CSR with ascending columns: starts (rows + 1), columns and blocks as many as cells and pairs have together at most.
+ *
+ * cells: block CSR with ascending columns. pairs: local rows, global columns, in any order. first: global
+ * number of the first row; n: number of columns. fixed (n), or NULL: vertices whose rows and columns become the identity's. Returns the number of
+ * blocks, or -1 if memory ran out. */
+int64_t merge_pairs(int64_t rows, int64_t first, int64_t n, const rows_t *cells, int64_t pairs, const int64_t *pair_rows, const int64_t *pair_columns,
+                    const double *pair_blocks, const uint8_t *fixed, const rows_t *to)
 {
-    const int dd = d * d;
+    const int32_t *cell_starts = cells->starts, *cell_columns = cells->columns;
+    int32_t *starts = to->starts, *columns = to->columns;
+    double *blocks = to->blocks;
     int64_t *buckets = calloc(rows + 2, sizeof(int64_t)), *order = malloc(pairs * sizeof(int64_t) + 1);
     int32_t *place = malloc(n * sizeof(int32_t) + 1);
     if (!buckets || !order || !place) {
@@ -53,29 +56,16 @@ INLINE int64_t merge(int d, int64_t rows, int64_t first, int64_t n, const int32_
             continue;
         for (int64_t k = cell_starts[i]; k < cell_starts[i + 1]; ++k)
             if (place[cell_columns[k]] >= begin)
-                memcpy(blocks + (int64_t)place[cell_columns[k]] * dd, cells + k * dd, dd * sizeof(double));
+                memcpy(blocks + (int64_t)place[cell_columns[k]] * dd, cells->blocks + k * dd, dd * sizeof(double));
         for (int64_t q = buckets[i]; q < buckets[i + 1]; ++q)
             if (place[pair_columns[order[q]]] >= begin) {
-                double *to = blocks + (int64_t)place[pair_columns[order[q]]] * dd;
+                double *block = blocks + (int64_t)place[pair_columns[order[q]]] * dd;
                 const double *from = pair_blocks + order[q] * dd;
                 for (int e = 0; e < dd; ++e)
-                    to[e] += from[e];
+                    block[e] += from[e];
             }
     }
     starts[rows] = count;
     free(buckets), free(order), free(place);
     return count;
-}
-
-/* Rows of the sum, block CSR with ascending columns: starts (rows + 1), columns and blocks as many as cells and pairs have together at most.
- *
- * cells: block CSR with ascending columns. pairs: local rows, global columns, in any order. first: global
- * number of the first row; n: number of columns. fixed (n), or NULL: vertices whose rows and columns become the identity's. Returns the number of
- * blocks, or -1 if memory ran out. */
-int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts, const int32_t *cell_columns, const double *cells,
-                    int64_t pairs, const int64_t *pair_rows, const int64_t *pair_columns, const double *pair_blocks, const uint8_t *fixed,
-                    int32_t *starts, int32_t *columns, double *blocks)
-{
-    return d == 3 ? merge(3, rows, first, n, cell_starts, cell_columns, cells, pairs, pair_rows, pair_columns, pair_blocks, fixed, starts, columns, blocks)
-                  : merge(2, rows, first, n, cell_starts, cell_columns, cells, pairs, pair_rows, pair_columns, pair_blocks, fixed, starts, columns, blocks);
 }

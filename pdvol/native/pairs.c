@@ -18,7 +18,7 @@ typedef struct {
     const int8_t *owned; /* of the surface */
 } found_t;
 
-INLINE void emit(int d, found_t *found, int n, const int32_t *vertices, const double *coefficients, const double *gap, double weight)
+INLINE void emit(found_t *found, int n, const int32_t *vertices, const double *coefficients, const double *gap, double weight)
 {
     const int64_t k = found->to->count++;
     if (k >= found->room)
@@ -59,8 +59,9 @@ INLINE void add(scratch_t *scratch, int64_t key, int32_t *count, int32_t weight,
     scratch->nearest[scratch->slot[key]].weight += weight;
 }
 
-/* Contacts of one point with the facets near it, the pairs from `first` to before `end`: the union of the facets counts once where they share edges and vertices (inclusion and exclusion). */
-INLINE void point_contacts(int d, const surface_t *s, const double *x, double dhat, const pairs_t *all, place_t place, int64_t first,
+/* Contacts of one point with the facets near it, the pairs from `first` to before `end`: the union of the facets counts once where they share edges and
+ * vertices (inclusion and exclusion). */
+INLINE void point_contacts(const surface_t *s, const double *x, double dhat, const pairs_t *all, place_t place, int64_t first,
                            int64_t end, scratch_t *scratch, found_t *out)
 {
     const int32_t p = all->points[2 * first], stamp = ++scratch->stamp;
@@ -74,7 +75,7 @@ INLINE void point_contacts(int d, const surface_t *s, const double *x, double dh
         const int32_t *facet = s->facet + d * f;
         const double *corners[3] = {x + (int64_t)d * facet[0], x + (int64_t)d * facet[1], d == 3 ? x + (int64_t)d * facet[2] : 0};
         closest_t at;
-        if (!(to_facet(d, point, corners, &at) < reach))
+        if (!(to_facet(point, corners, &at) < reach))
             continue;
         const int64_t key = at.kind == 1   ? facet[at.corner[0]]
                             : at.kind == d ? s->vertices + s->edges + f
@@ -86,7 +87,7 @@ INLINE void point_contacts(int d, const surface_t *s, const double *x, double dh
                 continue;
             counted[s->vertices + e] = stamp;
             const int32_t *edge = s->edge + 2 * e;
-            if (to_edge(3, point, x + 3 * (int64_t)edge[0], x + 3 * (int64_t)edge[1], &at) < reach)
+            if (to_edge(point, x + 3 * (int64_t)edge[0], x + 3 * (int64_t)edge[1], &at) < reach)
                 add(scratch, at.kind == 1 ? edge[at.corner[0]] : s->vertices + e, &count, s->edge_share[e], &at, edge);
         }
         for (int i = 0; i < d; ++i) {
@@ -95,8 +96,8 @@ INLINE void point_contacts(int d, const surface_t *s, const double *x, double dh
                 continue;
             counted[v] = stamp;
             at.kind = 1, at.corner[0] = 0, at.share[0] = 1.0;
-            minus(d, point, corners[i], at.gap);
-            if (dot(d, at.gap, at.gap) < reach)
+            minus(point, corners[i], at.gap);
+            if (dot(at.gap, at.gap) < reach)
                 add(scratch, v, &count, s->vertex_share[v], &at, &v);
         }
     }
@@ -107,7 +108,7 @@ INLINE void point_contacts(int d, const surface_t *s, const double *x, double dh
         for (int i = 0; i < found->at.kind; ++i)
             vertices[i + 1] = found->corners[i], coefficients[i + 1] = -found->at.share[i];
         if (found->weight)
-            emit(d, out, found->at.kind + 1, vertices, coefficients, found->at.gap, found->weight * s->areas[p]);
+            emit(out, found->at.kind + 1, vertices, coefficients, found->at.gap, found->weight * s->areas[p]);
     }
 }
 
@@ -127,15 +128,15 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
     for (int i = 0; i < 4; ++i)
         at[i] = x + 3 * (int64_t)v[i];
     double a[3], b[3], w[3], gap[3];
-    minus(3, at[1], at[0], a), minus(3, at[3], at[2], b), minus(3, at[2], at[0], w);
-    const double aa = dot(3, a, a), ab = dot(3, a, b), bb = dot(3, b, b), aw = dot(3, a, w), bw = dot(3, b, w), det = aa * bb - ab * ab;
+    minus(at[1], at[0], a), minus(at[3], at[2], b), minus(at[2], at[0], w);
+    const double aa = dot(a, a), ab = dot(a, b), bb = dot(b, b), aw = dot(a, w), bw = dot(b, w), det = aa * bb - ab * ab;
     const double s0 = aw * bb - bw * ab, t0 = ab * aw - aa * bw;
     if (!(s0 > 0.0 && t0 > 0.0 && s0 < det && t0 < det))
         return;
     const double c[4] = {1.0 - s0 / det, s0 / det, t0 / det - 1.0, -t0 / det};
     for (int j = 0; j < 3; ++j) /* from differences alone: far from the origin coordinates have lost the digits of a gap */
         gap[j] = c[1] * a[j] + c[3] * b[j] - w[j];
-    const double D = dot(3, gap, gap);
+    const double D = dot(gap, gap);
     if (!(D < dhat * dhat))
         return;
     closest_t ends[4];
@@ -145,7 +146,7 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
     weight *= F[4][0];
     for (int i = 0; i < 4; ++i) {
         const int k = i < 2 ? 2 : 0;
-        ratios[i] = to_edge(3, at[i], at[k], at[k + 1], ends + i) / D;
+        ratios[i] = to_edge(at[i], at[k], at[k + 1], ends + i) / D;
         fade(fmax(ratios[i] - 1.0, 0.0), F[i]);
         weight *= F[i][0];
     }
@@ -156,7 +157,7 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
         double rates[5][12] = {{0.0}}, of_gap[12], *gradient = out->fades[out->faded].first, (*H)[9] = out->fades[out->faded].second;
         memset(out->fades + out->faded, 0, sizeof(fade_t));
         out->fades[out->faded].contact = out->count;
-        outer(3, c, gap, of_gap); /* half of D' */
+        outer(c, gap, of_gap); /* half of D' */
         for (int i = 0; i < 4; ++i) {
             if (F[i][1] == 0.0)
                 continue;
@@ -166,12 +167,12 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
             for (int q = 0; q < ends[i].kind; ++q)
                 e[k + ends[i].corner[q]] = -ends[i].share[q];
             slide[0][k] = 1.0, slide[0][k + 1] = -1.0;
-            outer(3, e, ends[i].gap, of_end);
+            outer(e, ends[i].gap, of_end);
             const double share = weight * F[i][1] / F[i][0] / D;
-            add_distance(3, share, ends[i].kind - 1, e, slide, at, ends[i].gap, H);
-            add_distance(3, -share * ratios[i], 2, c, edges, at, gap, H);
-            add_product(3, -8.0 * share / D, of_end, of_gap, H);
-            add_square(3, 4, 8.0 * share * ratios[i] / D, of_gap, H);
+            add_distance(share, ends[i].kind - 1, e, slide, at, ends[i].gap, H);
+            add_distance(-share * ratios[i], 2, c, edges, at, gap, H);
+            add_product(-8.0 * share / D, of_end, of_gap, H);
+            add_square(4, 8.0 * share * ratios[i] / D, of_gap, H);
             for (int q = 0; q < 12; ++q)
                 rates[i][q] = 2.0 * (of_end[q] - ratios[i] * of_gap[q]) / D;
         }
@@ -198,17 +199,17 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
         for (int i = 0; i < 5; ++i) {
             for (int k = 0; k <= i && F[i][1] != 0.0; ++k)
                 if (F[k][1] != 0.0)
-                    add_product(3, k < i ? 2.0 * weight * F[i][1] / F[i][0] * F[k][1] / F[k][0] : weight * F[i][2] / F[i][0], rates[i], rates[k], H);
+                    add_product(k < i ? 2.0 * weight * F[i][1] / F[i][0] * F[k][1] / F[k][0] : weight * F[i][2] / F[i][0], rates[i], rates[k], H);
             for (int q = 0; q < 12 && F[i][1] != 0.0; ++q)
                 gradient[q] += weight * F[i][1] / F[i][0] * rates[i][q];
         }
     }
     out->faded += fades;
-    emit(3, found, 4, v, c, gap, weight);
+    emit(found, 4, v, c, gap, weight);
 }
 
 /* The contacts of all vertices of a list. Returns 1 without memory. */
-INLINE int all_point_contacts(int d, const surface_t *s, const double *x, double dhat, const pairs_t *pairs, place_t place, scratch_t *scratch,
+INLINE int all_point_contacts(const surface_t *s, const double *x, double dhat, const pairs_t *pairs, place_t place, scratch_t *scratch,
                               found_t *out)
 {
     const int32_t *points = pairs->points;
@@ -221,34 +222,34 @@ INLINE int all_point_contacts(int d, const surface_t *s, const double *x, double
             if (!(scratch->nearest = malloc(scratch->room * sizeof(nearest_t))))
                 return 1;
         }
-        point_contacts(d, s, x, dhat, pairs, place, k, end, scratch, out);
+        point_contacts(s, x, dhat, pairs, place, k, end, scratch, out);
     }
     return 0;
 }
 
 /* Contacts of this rank's vertices with half-spaces: with the foot on the plane, which moves as the plane's frame does. Behind a plane the gap is zero. */
-INLINE void half_space_contacts(int d, const surface_t *s, const double *x, double dhat, found_t *out)
+INLINE void half_space_contacts(const surface_t *s, const double *x, double dhat, found_t *out)
 {
     for (int64_t plane = 0; plane < s->planes; ++plane) {
         const int32_t origin = (int32_t)(s->vertices + (d + 1) * plane);
         const double *frame = x + (int64_t)d * origin;
         double axes[3][3];
         for (int i = 0; i < d; ++i)
-            minus(d, frame + d * (i + 1), frame, axes[i]);
+            minus(frame + d * (i + 1), frame, axes[i]);
         for (int32_t v = 0; v < s->vertices; ++v) {
             const int32_t vertices[4] = {v, origin, origin + 2, origin + 3};
             double from[3], gap[3], coefficients[4] = {1.0, -1.0};
             if (s->owned[v] != 1)
                 continue;
-            minus(d, x + (int64_t)d * v, frame, from);
-            const double height = dot(d, from, axes[0]);
+            minus(x + (int64_t)d * v, frame, from);
+            const double height = dot(from, axes[0]);
             if (!(height < dhat))
                 continue;
             for (int j = 0; j < d; ++j)
                 gap[j] = fmax(height, 0.0) * axes[0][j];
             for (int i = 1; i < d; ++i)
-                coefficients[i + 1] = -dot(d, from, axes[i]), coefficients[1] -= coefficients[i + 1];
-            emit(d, out, d + 1, vertices, coefficients, gap, 2.0 * s->areas[v]); /* those are half of the surface's */
+                coefficients[i + 1] = -dot(from, axes[i]), coefficients[1] -= coefficients[i + 1];
+            emit(out, d + 1, vertices, coefficients, gap, 2.0 * s->areas[v]); /* those are half of the surface's */
         }
     }
     out->to->half_spaces = out->to->count;
@@ -261,10 +262,7 @@ int active_contacts(const surface_t *s, const double *x, double dhat, int n, pai
     const int64_t size = s->vertices + s->edges + s->facets;
     found_t out = {to, to->count, to->faded, s->owned};
     to->count = to->faded = 0;
-    if (s->d == 3)
-        half_space_contacts(3, s, x, dhat, &out);
-    else
-        half_space_contacts(2, s, x, dhat, &out);
+    half_space_contacts(s, x, dhat, &out);
     int32_t *memory = calloc(3 * size + 1, sizeof(int32_t));
     scratch_t scratch = {memory, memory + size, memory + 2 * size, 0, 0, 0};
     int failed = !memory;
@@ -274,8 +272,7 @@ int active_contacts(const surface_t *s, const double *x, double dhat, int n, pai
             continue;
         const place_t place = place_of(s, pairs, x);
         if (part < n)
-            failed = s->d == 3 ? all_point_contacts(3, s, x, dhat, pairs, place, &scratch, &out)
-                               : all_point_contacts(2, s, x, dhat, pairs, place, &scratch, &out);
+            failed = all_point_contacts(s, x, dhat, pairs, place, &scratch, &out);
         for (int64_t k = 0; part >= n && k < pairs->n_edges; ++k)
             if (!(left(place, pairs->edge_bounds[k], pairs->edge_rates[k]) > (1.0 + MARGIN) * dhat))
                 edge_contact(s, x, dhat, pairs->edges[2 * k], pairs->edges[2 * k + 1], &out);

@@ -1,30 +1,26 @@
 /* Products with a symmetric matrix in blocks and conjugate gradients (Hestenes and Stiefel 1952). */
 #include "linear.h"
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-INLINE double across(int d, wide v) { return d == 3 ? v[0] + v[1] + v[2] : v[0] + v[1]; }
+INLINE double across(wide v) { return d == 3 ? v[0] + v[1] + v[2] : v[0] + v[1]; }
 
 /* y = A x; returns x' y of these rows. */
-INLINE double product(int d, const linear_system *s, const double *x, double *y)
+INLINE double product(const linear_system *s, const double *x, double *y)
 {
-    const int dd = d * d;
     const double *far = s->ranks ? s->ranks->received : 0;
     double total = 0.0;
     memset(y, 0, (size_t)s->count * 4 * sizeof(double));
     for (int64_t i = 0; i < s->count; ++i) {
         const wide own = *(const wide *)(x + i * 4);
-        int64_t k = s->starts[i];
-        const double *A = s->blocks + k * dd;
+        int64_t k = s->own.starts[i];
+        const double *A = s->own.blocks + k * dd;
         wide sum[3];
         for (int a = 0; a < d; ++a)
             sum[a] = own * *(const wide *)(A + a * d);
-        for (++k; k < s->starts[i + 1]; ++k) {
-            const int64_t j = s->columns[k];
+        for (++k; k < s->own.starts[i + 1]; ++k) {
+            const int64_t j = s->own.columns[k];
             const wide other = *(const wide *)(x + j * 4);
             wide to = *(wide *)(y + j * 4);
-            A = s->blocks + k * dd;
+            A = s->own.blocks + k * dd;
             for (int a = 0; a < d; ++a) {
                 const wide row = *(const wide *)(A + a * d);
                 sum[a] += row * other;
@@ -32,12 +28,12 @@ INLINE double product(int d, const linear_system *s, const double *x, double *y)
             }
             *(wide *)(y + j * 4) = to;
         }
-        for (k = far ? s->far_starts[i] : 0; k < (far ? s->far_starts[i + 1] : 0); ++k)
+        for (k = far ? s->far.starts[i] : 0; k < (far ? s->far.starts[i + 1] : 0); ++k)
             for (int a = 0; a < d; ++a)
                 for (int b = 0; b < d; ++b)
-                    sum[a][0] += s->far_blocks[k * dd + a * d + b] * far[(int64_t)s->far_columns[k] * d + b];
+                    sum[a][0] += s->far.blocks[k * dd + a * d + b] * far[(int64_t)s->far.columns[k] * d + b];
         for (int a = 0; a < d; ++a) {
-            y[i * 4 + a] += across(d, sum[a]);
+            y[i * 4 + a] += across(sum[a]);
             total += own[a] * y[i * 4 + a];
         }
         for (int a = d; a < 4; ++a)
@@ -67,11 +63,11 @@ static double times(const linear_system *s, const double *x, double *y)
     const ranks_t *ranks = s->ranks;
     if (ranks) {
         for (int64_t k = 0; k < ranks->rows; ++k)
-            for (int a = 0; a < s->d; ++a)
-                ranks->sent[k * s->d + a] = x[(int64_t)ranks->row[k] * 4 + a];
+            for (int a = 0; a < d; ++a)
+                ranks->sent[k * d + a] = x[(int64_t)ranks->row[k] * 4 + a];
         exchange(ranks, 0);
     }
-    double total = s->d == 3 ? product(3, s, x, y) : product(2, s, x, y);
+    double total = product(s, x, y);
     sum_over_ranks(s, &total, 1);
     return total;
 }
@@ -86,7 +82,7 @@ static void weigh(const linear_system *s, float *z)
 static void precondition_with_others(const linear_system *s, float *z)
 {
     const ranks_t *ranks = s->overlap;
-    const int64_t n = s->count, d = s->d;
+    const int64_t n = s->count;
     weigh(s, z);
     for (int64_t k = 0; k < ranks->rows; ++k)
         for (int a = 0; a < d; ++a)
@@ -119,19 +115,19 @@ static double precondition(const linear_system *s, const double *r, double *coar
     wide sum = {0};
     for (int64_t i = 0; i < n; ++i)
         sum += *(const wide *)(r + i * 4) * __builtin_convertvector(*(const narrow *)(z + i * 4), wide);
-    double total = across(3, sum);
+    double total = across(sum);
     sum_over_ranks(s, &total, 1);
     return total;
 }
 
-static void pad(int d, int64_t n, double factor, const double *x, double *out)
+static void pad(int64_t n, double factor, const double *x, double *out)
 {
     for (int64_t i = 0; i < n; ++i)
         for (int a = 0; a < 4; ++a)
             out[i * 4 + a] = a < d ? factor * x[i * d + a] : 0.0;
 }
 
-static void strip(int d, int64_t n, double factor, const double *x, double *out)
+static void strip(int64_t n, double factor, const double *x, double *out)
 {
     for (int64_t i = 0; i < n; ++i)
         for (int a = 0; a < d; ++a)
@@ -141,7 +137,7 @@ static void strip(int d, int64_t n, double factor, const double *x, double *out)
 /* The power of two next to the size of a vector (n, d), so that the preconditioner's single precision holds it in any unit; 1 of zero. */
 static double unit_of(const linear_system *s, const double *x)
 {
-    double total = squares(s->count * s->d, x);
+    double total = squares((int64_t)s->count * d, x);
     int exponent = 0;
     sum_over_ranks(s, &total, 1);
     if (total > 0.0 && isfinite(total))
@@ -155,9 +151,9 @@ int symmetric_product(const linear_system *s, const double *x, double *y)
     double *v = malloc((size_t)s->count * 8 * sizeof(double) + 1);
     if (!v)
         return 1;
-    pad(s->d, s->count, 1.0, x, v);
+    pad(s->count, 1.0, x, v);
     times(s, v, v + 4 * s->count);
-    strip(s->d, s->count, 1.0, v + 4 * s->count, y);
+    strip(s->count, 1.0, v + 4 * s->count, y);
     free(v);
     return 0;
 }
@@ -171,7 +167,7 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
                         double *solution, int32_t *iterations)
 {
     const int64_t m = 4 * (int64_t)s->count;
-    double *r = calloc(4 * m + (int64_t)s->nodes * (s->d + 4) + SPARE, sizeof(double)), *p = r + m, *q = p + m, *x = q + m, *coarse = x + m;
+    double *r = calloc(4 * m + (int64_t)s->nodes * d + s->width, sizeof(double)), *p = r + m, *q = p + m, *x = q + m, *coarse = x + m;
     float *z = malloc((m + 4 * (int64_t)s->others) * sizeof(float) + 1);
     int reason = TOO_MANY;
     double first = 0.0, before = 1.0;
@@ -181,12 +177,12 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
         return NO_MEMORY;
     }
     const double unit = unit_of(s, right);
-    pad(s->d, s->count, 1.0 / unit, right, r);
+    pad(s->count, 1.0 / unit, right, r);
     for (int64_t k = 0; k < m; ++k)
         z[k] = r[k];
     if (start) {
         first = precondition(s, r, coarse, z);
-        pad(s->d, s->count, 1.0 / unit, start, x);
+        pad(s->count, 1.0 / unit, start, x);
         times(s, x, q);
         for (int64_t k = 0; k < m; ++k)
             z[k] = r[k] -= q[k];
@@ -218,7 +214,7 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
             z[k] = r[k] -= alpha * q[k];
         }
     }
-    strip(s->d, s->count, unit, x, solution);
+    strip(s->count, unit, x, solution);
     free(r), free(z);
     return reason;
 }

@@ -13,7 +13,7 @@ INLINE double least(double a, double b)
 }
 
 /* The box of n vertices on the way from x to y. */
-INLINE void enclose(int d, int n, const int32_t *vertices, const double *x, const double *y, double *box)
+INLINE void enclose(int n, const int32_t *vertices, const double *x, const double *y, double *box)
 {
     for (int j = 0; j < BOX; ++j)
         box[j] = j % SIDE < d ? INFINITY : 0.0;
@@ -48,7 +48,7 @@ INLINE int64_t meet(const double *box, int64_t n, const int32_t *of, int64_t fir
 }
 
 /* Boxes of the nodes of an object while its vertices go from x to y; behind all nodes those of facets, and then those of edges, leaf by leaf. */
-INLINE void fit(int d, const surface_t *s, int64_t object, const double *x, const double *y, double *boxes)
+INLINE void fit(const surface_t *s, int64_t object, const double *x, const double *y, double *boxes)
 {
     double *facets = boxes + BOX * (int64_t)s->roots[s->objects], *edges = facets + BOX * s->facets;
     for (int64_t node = s->roots[object + 1] - 1; node >= s->roots[object]; --node) {
@@ -59,13 +59,13 @@ INLINE void fit(int d, const surface_t *s, int64_t object, const double *x, cons
             continue;
         }
         for (int32_t k = s->leaf_facet_starts[leaf]; k < s->leaf_facet_starts[leaf + 1]; ++k) {
-            enclose(d, d, s->facet + (int64_t)d * s->leaf_facets[k], x, y, facets + BOX * (int64_t)k);
+            enclose(d, s->facet + (int64_t)d * s->leaf_facets[k], x, y, facets + BOX * (int64_t)k);
             if (k == s->leaf_facet_starts[leaf])
                 memcpy(box, facets + BOX * (int64_t)k, BOX * sizeof(double));
             join(box, facets + BOX * (int64_t)k);
         }
         for (int32_t k = s->leaf_edge_starts[leaf]; d == 3 && k < s->leaf_edge_starts[leaf + 1]; ++k)
-            enclose(3, 2, s->edge + 2 * (int64_t)s->leaf_edges[k], x, y, edges + BOX * (int64_t)k);
+            enclose(2, s->edge + 2 * (int64_t)s->leaf_edges[k], x, y, edges + BOX * (int64_t)k);
     }
 }
 
@@ -73,10 +73,8 @@ INLINE void fit(int d, const surface_t *s, int64_t object, const double *x, cons
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes)
 {
     for (int64_t object = 0; object < s->objects; ++object)
-        if (marked[object] && s->d == 3)
-            fit(3, s, object, x, y, boxes);
-        else if (marked[object])
-            fit(2, s, object, x, y, boxes);
+        if (marked[object])
+            fit(s, object, x, y, boxes);
 }
 
 INLINE int share(int n, const int32_t *one, int m, const int32_t *other)
@@ -121,7 +119,7 @@ typedef struct {
 } room_t;
 
 /* Pairs of the vertices and edges of a leaf with the leaves of n nodes. A vertex has all of its pairs, or none: the union of its facets is what counts. */
-INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, int64_t node, int64_t n,
+INLINE void leaf_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance, int64_t node, int64_t n,
                        const int32_t *nodes, const room_t *room, list_t *points, list_t *edges)
 {
     const int moving = x != y;
@@ -138,7 +136,7 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
     for (int32_t k = s->leaf_vertex_starts[leaf]; k < s->leaf_vertex_starts[leaf + 1]; ++k) {
         const int32_t p = s->leaf_vertices[k];
         double point[BOX];
-        enclose(d, 1, &p, x, y, point);
+        enclose(1, &p, x, y, point);
         const int64_t near = meet(point, n_facets, room->facets, 0, of_facets, distance, room->near), before = points->count;
         int wanted = owns(s, 1, &p);
         for (int64_t i = 0; i < near; ++i) {
@@ -147,8 +145,8 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
             closest_t closest;
             if (share(1, &p, d, facet))
                 continue;
-            const double squared = to_facet(d, x + (int64_t)d * p, corners, &closest);
-            if (within(distance + (moving ? approach(d, 1, &p, d, facet, x, y) : 0.0), squared))
+            const double squared = to_facet(x + (int64_t)d * p, corners, &closest);
+            if (within(distance + (moving ? approach(1, &p, d, facet, x, y) : 0.0), squared))
                 append(points, p, f, sqrt(squared)), wanted = wanted || owns(s, d, facet);
         }
         points->count = wanted ? points->count : before;
@@ -163,7 +161,7 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
                 continue;
             const double squared =
                 between_segments(x + 3 * (int64_t)one[0], x + 3 * (int64_t)one[1], x + 3 * (int64_t)other[0], x + 3 * (int64_t)other[1], &a, &b);
-            if (within(distance + (moving ? approach(3, 2, one, 2, other, x, y) : 0.0), squared))
+            if (within(distance + (moving ? approach(2, one, 2, other, x, y) : 0.0), squared))
                 append(edges, e, s->leaf_edges[room->near[i]], sqrt(squared));
         }
     }
@@ -194,7 +192,7 @@ INLINE int64_t refine(const surface_t *s, const double *boxes, double distance, 
 
 enum { DEPTH = 64 }; /* of trees whose nodes are halved */
 
-INLINE void search(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets,
+INLINE void search(const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets,
                    const room_t *room, list_t *points, list_t *edges)
 {
     for (int64_t object = 0; object < s->objects; ++object) {
@@ -214,7 +212,7 @@ INLINE void search(int d, const surface_t *s, const double *boxes, const double 
                 wanted = s->holds[near[i]];
             n = wanted ? n : 0;
             if (leaf >= 0 && n)
-                leaf_pairs(d, s, boxes, x, y, distance, node, n, room->leaves, room, points, edges);
+                leaf_pairs(s, boxes, x, y, distance, node, n, room->leaves, room, points, edges);
             if (leaf < 0 && n)
                 ends[++depth] = s->skip[node], starts[depth + 1] = begin + n;
             node = leaf < 0 && n ? node + 1 : s->skip[node];
@@ -235,10 +233,7 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
     room_t room = {memory, memory + nodes, 0, 0, 0};
     room.facets = room.leaves + s->leaves + 2, room.edges = room.facets + s->facets + 2, room.near = room.edges + s->edges + 2;
     list_t p = {0, found->n_points, points, found->point_bounds}, e = {0, found->n_edges, edges, found->edge_bounds};
-    if (s->d == 3)
-        search(3, s, boxes, x, y, distance, meets, &room, &p, &e);
-    else
-        search(2, s, boxes, x, y, distance, meets, &room, &p, &e);
+    search(s, boxes, x, y, distance, meets, &room, &p, &e);
     free(memory);
     found->n_points = p.count, found->n_edges = e.count;
     return 0;

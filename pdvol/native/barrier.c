@@ -17,12 +17,12 @@ INLINE double law(double squared, double dhat, double kappa, double *slope, doub
 
 /* The sum of weights times the law over contacts that count here, and of all contacts the pressures, minus the law's derivatives by the gap, and the
  * gradient by the surface's positions (n, d), added to `gradient`. */
-INLINE double sum(int d, const contacts_t *all, double dhat, double kappa, double *gradient)
+INLINE double sum(const contacts_t *all, double dhat, double kappa, double *gradient)
 {
     double total = 0.0;
     for (int64_t k = 0, f = 0; k < all->count; ++k) {
         contact_t *at = all->contacts + k;
-        const double *c = at->coefficients, squared = dot(d, at->gap, at->gap);
+        const double *c = at->coefficients, squared = dot(at->gap, at->gap);
         double slope, second;
         const double value = law(squared, dhat, kappa, &slope, &second);
         total += at->counted ? at->weight * value : 0.0;
@@ -51,26 +51,26 @@ int find_contacts(const surface_t *s, const double *x, double dhat, double kappa
     counts[0] = found.count, counts[1] = found.faded, counts[2] = found.half_spaces;
     if (found.count > to->count || found.faded > to->faded)
         return 0;
-    memset(gradient, 0, s->d * (s->vertices + s->planes * (s->d + 1)) * sizeof(double));
-    *energy = s->d == 3 ? sum(3, &found, dhat, kappa, gradient) : sum(2, &found, dhat, kappa, gradient);
+    memset(gradient, 0, d * (s->vertices + s->planes * (d + 1)) * sizeof(double));
+    *energy = sum(&found, dhat, kappa, gradient);
     return 0;
 }
 
 /* The Hessian over a contact's n vertices of its weight times the law, or (`convex`) its convex part: the curvature along the gap and across it, where
  * they are positive, and of each parameter's u v' + v u' + v v' (`rotation`) one of two eigenvalues. */
-INLINE void contact_hessian(int d, int n, const double *c, const double *const *x, const double *gap, double weight, double dhat, double kappa, int convex,
+INLINE void contact_hessian(int n, const double *c, const double *const *x, const double *gap, double weight, double dhat, double kappa, int convex,
                             blocks_t H)
 {
     double slope, second, t[2][3], vector[12], u[2][12], v[2][12], edges[2][4] = OF_EDGES, facet[2][4] = {{0.0, 1.0, -1.0, 0.0}, {0.0, 1.0, 0.0, -1.0}};
-    const double squared = dot(d, gap, gap);
+    const double squared = dot(gap, gap);
     law(squared, dhat, kappa, &slope, &second);
     slope *= 2.0 * weight;
     const int of_edges = c[1] > 0.0, parameters = of_edges ? 2 : (c[2] != 0.0) + (c[3] != 0.0);
-    rotation(d, parameters, c, of_edges ? edges : facet, x, gap, t, u, v);
+    rotation(parameters, c, of_edges ? edges : facet, x, gap, t, u, v);
     const double along = 4.0 * weight * second + slope / squared;
-    outer(d, c, gap, vector);
+    outer(c, gap, vector);
     if (along > 0.0 || !convex)
-        add_square(d, n, along, vector, H);
+        add_square(n, along, vector, H);
     if (parameters + 1 < d && (slope > 0.0 || !convex)) { /* normals beside the gap's own */
         double normal[2][3];
         if (d == 2)
@@ -81,8 +81,8 @@ INLINE void contact_hessian(int d, int n, const double *c, const double *const *
             cross(gap, a, normal[0]), cross(gap, normal[0], normal[1]);
         }
         for (int e = 0; e < d - 1 - parameters; ++e) {
-            outer(d, c, normal[e], vector);
-            add_square(d, n, slope / dot(d, normal[e], normal[e]), vector, H);
+            outer(c, normal[e], vector);
+            add_square(n, slope / dot(normal[e], normal[e]), vector, H);
         }
     }
     for (int e = 0; e < parameters; ++e) {
@@ -96,19 +96,19 @@ INLINE void contact_hessian(int d, int n, const double *c, const double *const *
                 continue;
             for (int q = 0; q < n * d; ++q)
                 vector[q] = vv * u[e][q] + value * v[e][q];
-            add_square(d, n, size / (uu * vv * vv + value * value * vv), vector, H);
+            add_square(n, size / (uu * vv * vv + value * value * vv), vector, H);
         }
     }
 }
 
 /* The same of a vertex and a half-space, by the vertex alone: the law is convex in a gap that is linear. */
-INLINE void half_space_hessian(int d, const double *gap, double weight, double dhat, double kappa, blocks_t H)
+INLINE void half_space_hessian(const double *gap, double weight, double dhat, double kappa, blocks_t H)
 {
     double slope, second;
-    const double squared = dot(d, gap, gap);
+    const double squared = dot(gap, gap);
     law(squared, dhat, kappa, &slope, &second);
     if (squared > 0.0)
-        add_square(d, 1, weight * (4.0 * second + 2.0 * slope / squared), gap, H);
+        add_square(1, weight * (4.0 * second + 2.0 * slope / squared), gap, H);
 }
 
 /* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix that has none but zero for translations: over three differences of the four
@@ -138,11 +138,9 @@ static void clamp_matrix(blocks_t H)
                             H[n][3 * p + q] += differences[a][i] * differences[b][j] * A[9 * (3 * a + p) + 3 * b + q];
 }
 
-/* Blocks of the Hessian of `factor` times the sum of weights times the law, or of its convex part, at positions x. Returns how many: up to 10 a contact. */
-int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dhat, double kappa, double factor, int convex, const int64_t *rows,
-                       int64_t first, int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks)
+/* Blocks of the Hessian of `factor` times the sum of weights times the law, or of its convex part, at positions x. */
+void barrier_blocks(const contacts_t *all, const double *x, double dhat, double kappa, double factor, int convex, out_t *out)
 {
-    out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
     for (int64_t k = 0, f = 0; k < all->count; ++k) {
         blocks_t H = {{0.0}};
         const contact_t *contact = all->contacts + k;
@@ -152,24 +150,20 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
         for (int i = 0; i < 4; ++i)
             at[i] = x + (int64_t)d * v[i];
         if (k < all->half_spaces)
-            half_space_hessian(d, gap, weight, dhat, kappa, H);
-        else if (d == 2 && n == 3)
-            contact_hessian(2, 3, c, at, gap, weight, dhat, kappa, convex, H);
-        else if (d == 2)
-            contact_hessian(2, 2, c, at, gap, weight, dhat, kappa, convex, H);
+            half_space_hessian(gap, weight, dhat, kappa, H);
         else if (n == 4)
-            contact_hessian(3, 4, c, at, gap, weight, dhat, kappa, convex && !fade, H);
+            contact_hessian(4, c, at, gap, weight, dhat, kappa, convex && !fade, H);
         else if (n == 3)
-            contact_hessian(3, 3, c, at, gap, weight, dhat, kappa, convex, H);
+            contact_hessian(3, c, at, gap, weight, dhat, kappa, convex, H);
         else
-            contact_hessian(3, 2, c, at, gap, weight, dhat, kappa, convex, H);
+            contact_hessian(2, c, at, gap, weight, dhat, kappa, convex, H);
         if (fade) {
             double slope, second, force[12];
-            const double energy = factor * law(dot(3, gap, gap), dhat, kappa, &slope, &second);
+            const double energy = factor * law(dot(gap, gap), dhat, kappa, &slope, &second);
             for (int q = 0; q < 90; ++q)
                 H[q / 9][q % 9] += energy * all->fades[f].second[q / 9][q % 9];
-            outer(3, c, gap, force);
-            add_product(3, 4.0 * factor * slope, force, all->fades[f].first, H);
+            outer(c, gap, force);
+            add_product(4.0 * factor * slope, force, all->fades[f].first, H);
             if (convex)
                 clamp_matrix(H);
             ++f;
@@ -177,39 +171,34 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
         for (int i = 0, row = 0; i < n; row += 4 - i++)
             for (int j = i, turned; j < n; ++j) {
                 const double *block = H[row + j - i];
-                double *to = c[i] * c[j] != 0.0 ? add_block(d, &out, v[i], v[j], &turned) : 0;
+                double *to = c[i] * c[j] != 0.0 ? add_block(out, v[i], v[j], &turned) : 0;
                 for (int p = 0; to && p < d; ++p)
                     for (int q = 0; q < d; ++q)
                         to[d * p + q] = block[turned ? d * q + p : d * p + q];
             }
     }
-    return out.count;
 }
 
-/* Blocks of `factor` times a tangential stiffness of contacts between bodies that equals the normal one (`ContactBarrier.add_sticking`). Returns
- * their number: up to 10 a contact. */
-int64_t sticking_blocks(int d, const contacts_t *all, double dhat, double kappa, double factor, const int64_t *rows, int64_t first, int64_t last,
-                        int64_t *out_rows, int64_t *out_columns, double *blocks)
+/* Blocks of `factor` times a tangential stiffness of contacts between bodies that equals the normal one (`ContactBarrier.add_sticking`). */
+void sticking_blocks(const contacts_t *all, double dhat, double kappa, double factor, out_t *out)
 {
-    out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
     for (int64_t k = all->half_spaces; k < all->count; ++k) {
         const contact_t *at = all->contacts + k;
-        const double *c = at->coefficients, *gap = at->gap, squared = dot(d, gap, gap);
+        const double *c = at->coefficients, *gap = at->gap, squared = dot(gap, gap);
         double slope, second, *to;
         int n = used(c), of_bodies = 1, turned;
         for (int i = 0; i < n; ++i)
-            of_bodies = of_bodies && (c[i] == 0.0 || rows[at->vertices[i]] >= 0);
+            of_bodies = of_bodies && (c[i] == 0.0 || out->rows[at->vertices[i]] >= 0);
         if (!of_bodies)
             continue;
         law(squared, dhat, kappa, &slope, &second);
         const double stiffness = factor * at->weight * (2.0 * slope + 4.0 * squared * second);
         for (int i = 0; i < n && stiffness > 0.0; ++i)
             for (int j = i; j < n; ++j)
-                if (c[i] * c[j] != 0.0 && (to = add_block(d, &out, at->vertices[i], at->vertices[j], &turned)))
+                if (c[i] * c[j] != 0.0 && (to = add_block(out, at->vertices[i], at->vertices[j], &turned)))
                     for (int p = 0; p < d * d; ++p)
                         to[p] = stiffness * c[i] * c[j] * ((p / d == p % d) - gap[p / d] * gap[p % d] / squared);
     }
-    return out.count;
 }
 
 /* A meeting's force along its normal [N] and its stiffness [N/m], by the law, with a gap. */
@@ -225,7 +214,7 @@ INLINE double force_of(const meeting_t *at, double gap, double dhat, double kapp
  * expected gap. The first one is `kept` times its present gap, or times dhat where that is less. The next one is the gap at which the law has the
  * force of the last tangent at y, but at least `kept` times the last one. It is not updated while it is right to within that factor. A pair whose
  * tangent pulls does not meet. Returns the number of changes. */
-int64_t expect_gaps(int d, int64_t count, meeting_t *meetings, const double *y, double dhat, double kappa, double kept)
+int64_t expect_gaps(int64_t count, meeting_t *meetings, const double *y, double dhat, double kappa, double kept)
 {
     int64_t changed = 0;
     for (int64_t k = 0; k < count; ++k) {
@@ -236,7 +225,7 @@ int64_t expect_gaps(int d, int64_t count, meeting_t *meetings, const double *y, 
         }
         double gap = 0.0, stiffness, low = log(kept * at->expected), high = log(dhat);
         for (int i = 0; i < 4; ++i)
-            gap += at->coefficients[i] * dot(d, at->normal, y + (int64_t)d * at->vertices[i]);
+            gap += at->coefficients[i] * dot(at->normal, y + (int64_t)d * at->vertices[i]);
         const double force = force_of(at, at->expected, dhat, kappa, &stiffness) + stiffness * (at->expected - gap);
         if (force > 0.0 && fabs(gap - at->expected) <= kept * at->expected)
             continue;
@@ -250,7 +239,7 @@ int64_t expect_gaps(int d, int64_t count, meeting_t *meetings, const double *y, 
 }
 
 /* What meetings add to the gradient at the way's start: of tangents at expected gaps, less that of the law at the present gap. */
-void meeting_gradient(int d, int64_t count, const meeting_t *meetings, double dhat, double kappa, double *gradient)
+void meeting_gradient(int64_t count, const meeting_t *meetings, double dhat, double kappa, double *gradient)
 {
     for (int64_t k = 0; k < count; ++k) {
         const meeting_t *at = meetings + k;
@@ -263,11 +252,9 @@ void meeting_gradient(int d, int64_t count, const meeting_t *meetings, double dh
     }
 }
 
-/* The same of the Hessian, never negative: blocks of `factor` times it. Returns how many: up to 10 a meeting. */
-int64_t meeting_blocks(int d, int64_t count, const meeting_t *meetings, double dhat, double kappa, double factor, const int64_t *rows, int64_t first,
-                       int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks)
+/* The same of the Hessian, never negative: blocks of `factor` times it. */
+void meeting_blocks(int64_t count, const meeting_t *meetings, double dhat, double kappa, double factor, out_t *out)
 {
-    out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
     for (int64_t k = 0; k < count; ++k) {
         const meeting_t *at = meetings + k;
         double stiffness, now, *to;
@@ -275,9 +262,8 @@ int64_t meeting_blocks(int d, int64_t count, const meeting_t *meetings, double d
         const double more = factor * fmax(stiffness - now, 0.0), *c = at->coefficients;
         for (int i = 0, n = used(c), turned; i < n; ++i)
             for (int j = i; j < n; ++j)
-                if (c[i] * c[j] != 0.0 && (to = add_block(d, &out, at->vertices[i], at->vertices[j], &turned)))
+                if (c[i] * c[j] != 0.0 && (to = add_block(out, at->vertices[i], at->vertices[j], &turned)))
                     for (int p = 0; p < d * d; ++p)
                         to[p] = more * c[i] * c[j] * at->normal[p / d] * at->normal[p % d];
     }
-    return out.count;
 }

@@ -1,35 +1,30 @@
 /* The rows of a rank in two parts, and its border: what couples its vertices with those of other ranks. */
 #include "linear.h"
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-/* Block CSR with ascending columns each; columns of the second part are global. */
-void split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks, int32_t *own_starts,
-                int32_t *own_columns, double *own_blocks, int32_t *far_starts, int32_t *far_columns, double *far_blocks)
+/* Columns of `far` are global. */
+void split_rows(int64_t rows, int64_t first, const rows_t *all, const rows_t *own, const rows_t *far)
 {
-    const int dd = d * d;
-    int64_t own = 0, far = 0;
+    int64_t inner = 0, outer = 0;
     for (int64_t i = 0; i < rows; ++i) {
-        own_starts[i] = own, far_starts[i] = far;
-        for (int64_t k = starts[i]; k < starts[i + 1]; ++k) {
-            const int64_t column = columns[k] - first;
+        own->starts[i] = inner, far->starts[i] = outer;
+        for (int64_t k = all->starts[i]; k < all->starts[i + 1]; ++k) {
+            const int64_t column = all->columns[k] - first;
             const int inside = column >= 0 && column < rows;
-            memcpy(inside ? own_blocks + own * dd : far_blocks + far * dd, blocks + k * dd, dd * sizeof(double));
+            memcpy(inside ? own->blocks + inner * dd : far->blocks + outer * dd, all->blocks + k * dd, dd * sizeof(double));
             if (inside)
-                own_columns[own++] = column;
+                own->columns[inner++] = column;
             else
-                far_columns[far++] = columns[k];
+                far->columns[outer++] = all->columns[k];
         }
     }
-    own_starts[rows] = own, far_starts[rows] = far;
+    own->starts[rows] = inner, far->starts[rows] = outer;
 }
 
-int64_t border(const linear_system *s, double strong, int32_t ranks, const int64_t *ends, int32_t *number, int32_t *far_columns, int32_t *rows,
-               uint8_t *is_strong, int32_t *counts, int32_t *their_counts)
+int64_t border(const linear_system *s, double strong, int32_t ranks, const int64_t *ends, int32_t *number, int32_t *rows, uint8_t *is_strong,
+               int32_t *counts, int32_t *their_counts)
 {
-    const int dd = s->d * s->d;
-    const int64_t end = s->far_starts[s->count];
+    int32_t *far_columns = s->far.columns;
+    const int64_t end = s->far.starts[s->count];
     int64_t *last = malloc(2 * ranks * sizeof(int64_t)), *next = last + ranks;
     if (!last)
         return -1;
@@ -45,14 +40,14 @@ int64_t border(const linear_system *s, double strong, int32_t ranks, const int64
     }
     for (int pass = 0; pass < 2; ++pass) { /* counts, then lists them */
         for (int64_t i = 0; i < s->count; ++i)
-            for (int64_t k = s->far_starts[i], rank = 0; k < s->far_starts[i + 1]; ++k) {
+            for (int64_t k = s->far.starts[i], rank = 0; k < s->far.starts[i + 1]; ++k) {
                 while (far_columns[k] >= ends[rank])
                     ++rank;
                 if (last[rank] != i && pass)
                     rows[next[rank]] = i, is_strong[next[rank]++] = 0;
                 counts[rank] += last[rank] != i && !pass;
                 last[rank] = i;
-                if (pass && squares(dd, s->far_blocks + k * dd) >= strong * strong * squares(dd, s->blocks + (int64_t)s->starts[i] * dd))
+                if (pass && squares(dd, s->far.blocks + k * dd) >= strong * strong * squares(dd, s->own.blocks + (int64_t)s->own.starts[i] * dd))
                     is_strong[next[rank] - 1] = 1;
             }
         for (int32_t rank = 0; rank < ranks; ++rank)
@@ -68,7 +63,6 @@ int64_t border(const linear_system *s, double strong, int32_t ranks, const int64
 void pack_overlap(const linear_system *s, int32_t ranks, const int32_t *counts, const int32_t *rows, const uint8_t *is_strong, int32_t *number,
                   int32_t *numbers, double *blocks, int32_t *block_counts, int32_t *shared, int32_t *shared_counts, float *weights)
 {
-    const int dd = s->d * s->d;
     int64_t end = 0;
     for (int64_t i = 0; i < s->count; ++i)
         weights[i] = 1.0f;
@@ -84,10 +78,10 @@ void pack_overlap(const linear_system *s, int32_t ranks, const int32_t *counts, 
             }
         for (int64_t i = 0; i < counts[rank]; ++i) {
             const int64_t before = end;
-            for (int64_t k = s->starts[rows[i]]; is_strong[i] && k < s->starts[rows[i] + 1]; ++k)
-                if (number[s->columns[k]] >= 0) {
-                    memcpy(blocks + end++ * dd, s->blocks + k * dd, dd * sizeof(double));
-                    *numbers++ = number[s->columns[k]];
+            for (int64_t k = s->own.starts[rows[i]]; is_strong[i] && k < s->own.starts[rows[i] + 1]; ++k)
+                if (number[s->own.columns[k]] >= 0) {
+                    memcpy(blocks + end++ * dd, s->own.blocks + k * dd, dd * sizeof(double));
+                    *numbers++ = number[s->own.columns[k]];
                 }
             lengths[i] = end - before;
         }
@@ -100,9 +94,10 @@ void pack_overlap(const linear_system *s, int32_t ranks, const int32_t *counts, 
 }
 
 int unpack_overlap(const linear_system *s, int32_t ranks, const int32_t *counts, const int32_t *block_counts, const int32_t *numbers,
-                   const double *blocks, int32_t *shared_counts, int32_t *others_starts, int32_t *others_columns, double *others_blocks)
+                   const double *blocks, int32_t *shared_counts, const rows_t *between)
 {
-    const int dd = s->d * s->d;
+    int32_t *others_starts = between->starts, *others_columns = between->columns;
+    double *others_blocks = between->blocks;
     int64_t ghosts = 0, others = s->count, end = 0;
     for (int32_t rank = 0; rank < ranks; ++rank)
         ghosts += counts[rank];
@@ -119,10 +114,10 @@ int unpack_overlap(const linear_system *s, int32_t ranks, const int32_t *counts,
     }
     for (int64_t i = 0; i < s->count; ++i) {
         others_starts[i] = end;
-        for (int64_t k = s->far_starts[i]; k < s->far_starts[i + 1]; ++k)
-            if (number[s->far_columns[k]] >= 0) {
-                memcpy(others_blocks + end * dd, s->far_blocks + k * dd, dd * sizeof(double));
-                others_columns[end++] = number[s->far_columns[k]];
+        for (int64_t k = s->far.starts[i]; k < s->far.starts[i + 1]; ++k)
+            if (number[s->far.columns[k]] >= 0) {
+                memcpy(others_blocks + end * dd, s->far.blocks + k * dd, dd * sizeof(double));
+                others_columns[end++] = number[s->far.columns[k]];
             }
     }
     free(number);

@@ -1,15 +1,10 @@
 /* Symmetric matrices made positive semi-definite. */
-#ifndef PDVOL_POSITIVE_H
-#define PDVOL_POSITIVE_H
-#include <math.h>
-#include <string.h>
+#pragma once
+#include "common.h"
 
 enum { MAX_H = 9 };       /* rows */
 enum { MAX_ROUNDS = 60 }; /* rounds of an iteration on a small matrix: most take two to ten */
 #define ROUND_OFF 1e-15   /* relative size of what counts as zero: a few units in the last place */
-
-/* Called with a size that is a constant, so that the loops over it unroll: two to three times faster. */
-#define INLINE static inline __attribute__((always_inline))
 
 /* In-place Cholesky attempt on a copy: 1 if A + shift is positive definite. */
 INLINE int definite(int n, const double *A, double shift)
@@ -126,4 +121,3 @@ INLINE int filter(int n, double *H, int mode)
     filter_full(n, H, mode);
     return 1;
 }
-#endif

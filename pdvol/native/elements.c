@@ -4,15 +4,12 @@
  * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major. A domain's energy is its volume times psi,
  * and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the whole block and does not depend on the domain's
  * shape (Smith, de Goes, Kim 2019). */
-#include <math.h>
-#include <string.h>
-
 #include "domain.h"
 
 /* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */
 
 /* det A of a d x d matrix. */
-INLINE lanes determinant(int d, const lanes *A)
+INLINE lanes determinant(const lanes *A)
 {
     if (d == 2)
         return A[0] * A[3] - A[1] * A[2];
@@ -20,11 +17,11 @@ INLINE lanes determinant(int d, const lanes *A)
 }
 
 /* Whether the densities of the first `used` domains are all zero. */
-INLINE int idle(int d, const domains_t *domains, const lanes *F, int used)
+INLINE int idle(const domains_t *domains, const lanes *F, int used)
 {
     if (!(domains->ceiling > 0.0))
         return 0;
-    const lanes J = determinant(d, F);
+    const lanes J = determinant(F);
     for (int l = 0; l < used; ++l)
         if (!(J[l] >= domains->ceiling))
             return 0;
@@ -32,20 +29,20 @@ INLINE int idle(int d, const domains_t *domains, const lanes *F, int used)
 }
 
 /* Whether det F > 0 in the first `used` domains. */
-INLINE int upright(int d, const lanes *F, int used)
+INLINE int upright(const lanes *F, int used)
 {
-    const lanes J = determinant(d, F);
+    const lanes J = determinant(F);
     for (int l = 0; l < used; ++l)
         if (!(J[l] > 0.0))
             return 0;
     return 1;
 }
 
-INLINE void strains(int d, int cells, const domains_t *domains, const double *x, double *out)
+INLINE void strains(int cells, const domains_t *domains, const double *x, double *out)
 {
     for (int64_t k = 0; k < domains->count; ++k) {
         double F[9];
-        gradient_of(d, domain_at(d, cells, domains, k), x, F);
+        gradient_of(domain_at(cells, domains, k), x, F);
         for (int i = 0; i < d; ++i)
             for (int j = 0; j < d; ++j) {
                 double sum = 0.0;
@@ -62,16 +59,16 @@ void domain_strains(const domains_t *domains, const double *x, double *out)
     EACH(domains, strains, x, out);
 }
 
-INLINE double values(int d, int cells, const domains_t *domains, const density_t *density, const double *x)
+INLINE double values(int cells, const domains_t *domains, const density_t *density, const double *x)
 {
     double total = 0.0;
     for (int64_t first = 0; first < domains->counted; first += LANES) {
         const int used = lanes_used(domains->counted, first);
         lanes F[MAX_H], w[MAX_H + MAX_PARAMETERS], value;
-        gradients_of(d, cells, domains, first, x, F);
-        if (domains->oriented && !upright(d, F, used))
+        gradients_of(cells, domains, first, x, F);
+        if (domains->oriented && !upright(F, used))
             return INFINITY;
-        if (idle(d, domains, F, used))
+        if (idle(domains, F, used))
             continue;
         coefficients(density, first, d * d, F, w);
         CALL(density->kernel, &value, w);
@@ -87,21 +84,21 @@ double domain_values(const domains_t *domains, const density_t *density, const d
     return EACH(domains, values, density, x);
 }
 
-INLINE void gradients(int d, int cells, const domains_t *domains, const density_t *density, const double *x, double *out)
+INLINE void gradients(int cells, const domains_t *domains, const density_t *density, const double *x, double *out)
 {
     for (int64_t first = 0; first < domains->count; first += LANES) {
         const int used = lanes_used(domains->count, first);
         const lanes scale = volumes_of(domains, first);
         lanes F[MAX_H], w[MAX_H + MAX_PARAMETERS], P[MAX_H];
-        gradients_of(d, cells, domains, first, x, F);
-        if (idle(d, domains, F, used))
+        gradients_of(cells, domains, first, x, F);
+        if (idle(domains, F, used))
             continue;
         coefficients(density, first, d * d, F, w);
         CALL(density->kernel, P, w);
         for (int a = 0; a < d * d; ++a)
             P[a] *= scale;
         for (int l = 0; l < used; ++l) {
-            const domain_t domain = domain_at(d, cells, domains, first + l);
+            const domain_t domain = domain_at(cells, domains, first + l);
             four columns[3], others = {0.0};
             for (int j = 0; j < d; ++j)
                 columns[j] = d == 3 ? (four){P[j][l], P[3 + j][l], P[6 + j][l]} : (four){P[j][l], P[2 + j][l]};
@@ -125,40 +122,39 @@ void domain_gradients(const domains_t *domains, const density_t *density, const 
     EACH(domains, gradients, density, x, out);
 }
 
-INLINE void hessians(int d, int cells, const domains_t *domains, const density_t *density, const double *x, const int32_t *slots, int mode, double weight,
+INLINE void hessians(int cells, const domains_t *domains, const density_t *density, const double *x, const int32_t *slots, int mode, double weight,
                      double *out)
 {
-    const int h = d * d;
     double H[MAX_H * MAX_H], numbers[9] = {0};
     block_t blocks[3][3];
     for (int64_t first = 0; first < domains->count; first += LANES) {
         const int used = lanes_used(domains->count, first);
         lanes F[MAX_H], w[MAX_H + MAX_PARAMETERS], all[MAX_H * MAX_H];
-        gradients_of(d, cells, domains, first, x, F);
-        const int none = idle(d, domains, F, used);
+        gradients_of(cells, domains, first, x, F);
+        const int none = idle(domains, F, used);
         if (!none) {
-            coefficients(density, first, h, F, w);
+            coefficients(density, first, dd, F, w);
             CALL(density->kernel, all, w);
         }
         for (int l = 0; l < used; ++l) {
-            const domain_t domain = domain_at(d, cells, domains, first + l);
+            const domain_t domain = domain_at(cells, domains, first + l);
             if (none) {
                 slots += domain.n * (domain.n + 1) / 2;
                 continue;
             }
-            for (int i = 0; i < h * h; ++i)
+            for (int i = 0; i < dd * dd; ++i)
                 H[i] = all[i][l];
             if (mode)
-                filter(h, H, mode);
+                filter(dd, H, mode);
             const double scale = weight * domains->volumes[first + l];
             for (int j = 0; j < d; ++j)
                 for (int m = 0; m < d; ++m) {
                     for (int a = 0; a < d; ++a)
                         for (int b = 0; b < d; ++b)
-                            numbers[a * d + b] = scale * H[(a * d + j) * h + b * d + m];
+                            numbers[a * d + b] = scale * H[(a * d + j) * dd + b * d + m];
                     blocks[j][m] = (block_t){{{*(const four *)numbers, *(const four *)(numbers + 4)}}, numbers[8]};
                 }
-            slots = add_blocks(d, cells, domain, blocks, slots, out);
+            slots = add_blocks(cells, domain, blocks, slots, out);
         }
     }
 }
@@ -206,7 +202,7 @@ static double first_root(const double *c)
 }
 
 /* det(E + t P) = c0 + c1 t + c2 t^2 + c3 t^3 for d x d matrices, through their cofactors. */
-INLINE void volume_along(int d, const lanes *E, const lanes *P, lanes *c)
+INLINE void volume_along(const lanes *E, const lanes *P, lanes *c)
 {
     if (d == 2) {
         c[0] = E[0] * E[3] - E[1] * E[2];
@@ -230,27 +226,27 @@ INLINE void volume_along(int d, const lanes *E, const lanes *P, lanes *c)
 
 /* What has the sign of det F and changes with it, at v, of the domains from `first` on: a cell's edges (d x d) from its first vertex on, or F
  * itself. */
-INLINE void spanned(int d, int cells, const domains_t *domains, int64_t first, const double *v, lanes *E)
+INLINE void spanned(int cells, const domains_t *domains, int64_t first, const double *v, lanes *E)
 {
     if (!cells) {
-        gradients_of(d, cells, domains, first, v, E);
+        gradients_of(cells, domains, first, v, E);
         return;
     }
     for (int l = 0; l < LANES; ++l) {
-        const domain_t domain = domain_in(d, cells, domains, first, l);
+        const domain_t domain = domain_in(cells, domains, first, l);
         for (int i = 0; i < d; ++i)
             for (int a = 0; a < d; ++a)
                 E[i * d + a][l] = v[(int64_t)domain.vertices[i + 1] * d + a] - v[(int64_t)domain.vertices[0] * d + a];
     }
 }
 
-INLINE double domains_step(int d, int cells, const domains_t *domains, const double *x, const double *p, double keep)
+INLINE double domains_step(int cells, const domains_t *domains, const double *x, const double *p, double keep)
 {
     double step = 1.0;
     for (int64_t first = 0; first < domains->counted; first += LANES) {
         lanes E[MAX_H], P[MAX_H], c[4];
-        spanned(d, cells, domains, first, x, E), spanned(d, cells, domains, first, p, P);
-        volume_along(d, E, P, c);
+        spanned(cells, domains, first, x, E), spanned(cells, domains, first, p, P);
+        volume_along(E, P, c);
         const lanes left = (1.0 - keep) * magnitude(c[0]);
         const mask free = magnitude(c[1]) + magnitude(c[2]) + magnitude(c[3]) < left; /* most domains: no root in [0, 1] */
         for (int l = 0; l < lanes_used(domains->counted, first); ++l)
