@@ -39,9 +39,6 @@ the run. With `--check` instead of NAME it lists the pages' commits, and which n
 
 ## What a preview saves
 
-A level solves the same problem as its direct simulation (the same forces, contact and friction), from another
-prediction.
-
 """
 """The gallery's index, above its table."""
 

@@ -19,11 +19,11 @@ LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 CODE = (".py", ".c", ".h", ".js")
 LINES = {
     # part: (folders or files, lines of code at most)
-    "core": (("pdvol", "forms", "meshes"), 33_211),
+    "core": (("pdvol", "forms", "meshes"), 32_650),
     "studio": (("pdvol/studio",), 12_108),
-    "tests": (("tests",), 36_240),
+    "tests": (("tests",), 36_220),
     "benchmarks": (("benchmarks",), 4_835),
-    "demos": (("demos",), 3_829),
+    "demos": (("demos",), 3_826),
 }
 """`core` is all but the studio and its vendored library."""
 WORDS = 25_000
