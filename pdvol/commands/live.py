@@ -4,6 +4,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import Any
@@ -67,9 +68,10 @@ def main(options: Namespace) -> None:
         movable |= {f"support {number}": one for number, one in enumerate(shot.scene.supports) if one.movable}
         page = Page(session, shown, last + 1, shot.name, movable)
         server = LocalServer(options.host, options.port, page.html, page.talk)
-        # A signal ends the loop between two updates. An exception in the middle of one can get lost in a library.
+        # A signal ends the loop between two updates. An exception in the middle of one can get lost in a library. A
+        # thread takes the locks, for the one that is interrupted may hold them.
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: page.stop())
+            signal.signal(number, lambda *_: threading.Thread(target=page.stop).start())
         session.start()
         print(f"{server.address} shows {options.scene}; Ctrl-C ends it", file=sys.stderr, flush=True)
         page.serve()
