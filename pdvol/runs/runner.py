@@ -118,13 +118,7 @@ def run_scene(
     last = scene.levels - 1 if last is None else last
     check_choices(scene, first, last, method, prolongation)
     on_root(comm, lambda: _check_folder(out, first, last, method, resume or first > 0, how.replace))
-    if wavefront and shot.file is None:
-        raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
-    if scene.played is not None and comm.size > 1:
-        raise InputError("a hand plays level 0 on one rank; leave out mpirun")
-    if wavefront and comm.size > 1:
-        raise InputError("--wavefront starts a process per level; leave out mpirun, or run levels one after the other")
-    require_ranks(ranks, comm)
+    _check_processes(shot, how)
     library.build_beside()
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, how.replace))
     marched = range(first, last + 1 if levels.refused is None else levels.refused.level)
@@ -133,15 +127,6 @@ def run_scene(
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, how.replace))
     alone = comm.size > 1 or shot.file is None
-
-    def ranks_of(level: int) -> int:
-        """For what is left of a level; 1 where nothing is."""
-        done, wanted = writer.call("steps", level), ranks if level or scene.played is None else 1
-        if alone or done > scene.steps:
-            return 1
-        before = int(writer.record(level, done - 1).get("ranks", 0))
-        return chosen_ranks(len(levels.meshes[level].points), wanted, before)
-
     with exported(comm, out, scene, obstacles, how.done) if how.xdmf else nullcontext():
         try:
             if wavefront is None and not alone:
@@ -149,7 +134,7 @@ def run_scene(
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
             hierarchy = None
             for together in [marched] if wavefront else [[level] for level in marched]:
-                counts = {level: ranks_of(level) for level in together}
+                counts = {level: 1 if alone else _ranks_of(level, scene, levels, writer, ranks) for level in together}
                 if wavefront or max(counts.values()) > 1:
                     try:
                         march_levels(writer, counts, how.progress)
@@ -174,6 +159,28 @@ def run_scene(
     if levels.refused is not None:
         raise levels.refused
     return out
+
+
+def _check_processes(shot: Shot, how: Execution) -> None:
+    """InputError unless a shot can be simulated on these ranks and by processes of its levels. Collective."""
+    if how.wavefront and shot.file is None:
+        raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
+    if shot.scene.played is not None and how.comm.size > 1:
+        raise InputError("a hand plays level 0 on one rank; leave out mpirun")
+    if how.wavefront and how.comm.size > 1:
+        raise InputError("--wavefront starts a process per level; leave out mpirun, or run levels one after the other")
+    require_ranks(how.ranks, how.comm)
+
+
+def _ranks_of(level: int, scene: Scene, levels: Prepared, writer: SharedWriter, wanted: int | None) -> int:
+    """Ranks for what is left of a level, of which `wanted` are asked for; 1 where nothing is."""
+    done = writer.call("steps", level)
+    if done > scene.steps:
+        return 1
+    before = int(writer.record(level, done - 1).get("ranks", 0))
+    return chosen_ranks(
+        len(levels.meshes[level].points), 1 if scene.played is not None and not level else wanted, before
+    )
 
 
 def refine_run(out: str | Path, last: int, how: Execution = USUAL) -> Path:

@@ -8,18 +8,20 @@ from pathlib import Path
 import cloudpickle
 import numpy as np
 import pytest
-from frames import Frame, drifting, seen, shuffled
+from frames import Frame, drifting, seen
 from hypothesis import HealthCheck, Phase, event, given, settings
 from hypothesis import strategies as st
+from masses import kinetic, masses_of
 from mpi4py import MPI
 from on_two_ranks import marched
+from orders import shuffled
 from sketches import dimension, hows, materials_of, scenes, slab
 
 import pdvol
 from killing import PressesCtrlC
 from on_ranks import ranks
 from pdvol import Barrier, Deforming, Friction, Gravity, Plane, Pressure, Scene
-from pdvol.geometry.level_mesh import LevelMesh, lumped_masses
+from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import bind
 from pdvol.levels.space import LevelSpace
 from pdvol.measure.verify import verify_run
@@ -323,14 +325,6 @@ def loses_energy(scene: Scene, how: dict, base: Path, seed: int) -> None:
             assert kinetic(step, step.velocity - velocity) + elastic <= allowed
             assert kinetic(step, step.velocity) + elastic <= allowed
         velocity, energy = step.velocity, kinetic(step, step.velocity) + elastic
-
-
-def kinetic(step: pdvol.Step, velocity: np.ndarray) -> float:
-    return 0.5 * float(masses_of(step) @ (velocity**2).sum(axis=1))
-
-
-def masses_of(step: pdvol.Step) -> np.ndarray:
-    return lumped_masses(step.model.mesh, step.model.materials.density)
 
 
 PROPERTIES = {
