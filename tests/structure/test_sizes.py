@@ -21,7 +21,7 @@ LINES = {
     # part: (folders or files, lines of code at most)
     "core": (("pdvol", "forms", "meshes"), 32_660),
     "studio": (("pdvol/studio",), 12_108),
-    "tests": (("tests",), 36_220),
+    "tests": (("tests",), 36_235),
     "benchmarks": (("benchmarks",), 4_835),
     "demos": (("demos",), 3_826),
 }
