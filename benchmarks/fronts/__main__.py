@@ -87,14 +87,14 @@ def _row(name: str, study: dict) -> list[str]:
     points, known, size = study["points"], study["reference"]["error"], study["size"]
     own = math.inf if known is None else known
     default, spread = study["default"], study["spread"] or {}
-    stories = [point for point in points if point["errors"]["story"]]
-    best = most_accurate_within(stories, 0.5 * default["cost"]["cpu"])
+    same = [point for point in points if point["errors"]["outcome"]]
+    best = most_accurate_within(same, 0.5 * default["cost"]["cpu"])
     orders = [f"{o['axis']} {o['order']:.2f}" for o in study["orders"] if o["order"] is not None]
     return [
         name,
         ", ".join(f"{level['vertices']:,}" for level in study["levels"]),
         f"{number(default['cost']['cpu'])}, {length(default['errors']['end'])}, {default['errors']['share']:.2%}"
-        f"{'' if default['errors']['story'] else ', another story'}",
+        f"{'' if default['errors']['outcome'] else ', another outcome'}",
         "unknown" if known is None else length(known),
         f"{spread['growth']:.2g} times{', chaotic' if spread['chaotic'] else ''}" if spread else "-",
         *(_cell(cheapest_within(points, fraction * size, own), default) for fraction in (0.01, 0.03)),

@@ -51,7 +51,7 @@ def record(seed: int, folder: Path) -> dict:
     text = f"{len(study.get('levels', []))} levels, E {shot.scene.bodies[0].material.young:.2g} Pa"
     if "reference" not in study or study["reference"]["error"] is None:
         return {"text": f"{text}, no reference", "wanted": [], "holds": False}
-    own, points = study["reference"]["error"], [p for p in study["points"] if p["errors"]["story"]]
+    own, points = study["reference"]["error"], [p for p in study["points"] if p["errors"]["outcome"]]
     errors = sorted(p["errors"]["end"] for p in points)
     strict = 1.02 * (errors[0] + own)
     loose = max(errors[-1] + own, 1.5 * strict)

@@ -59,7 +59,7 @@ def test_a_front_has_the_cheapest_settings_for_each_accuracy():
     def point(cost, error, **changes):
         words = ["--levels", "0:1", "--steps", "10", *(w for k, v in changes.items() for w in ("--set", f"{k}={v}"))]
         made = {"run": "x", "method": "progressive", "level": 1, "words": words, "cost": {"cpu": cost}}
-        errors = {"end": error, "share": error / 2.0, "story": True}
+        errors = {"end": error, "share": error / 2.0, "outcome": True}
         return made | {"changes": {k: str(v) for k, v in changes.items()}, "errors": errors}
 
     default = point(10.0, 0.04)

@@ -56,13 +56,13 @@ def made(tmp_path_factory):
         shot = load_shot(scene)
     point = {
         "changes": {}, "words": ["--levels", "0:0", "--steps", "2"], "method": "progressive",
-        "errors": {"end": 0.1, "story": True}, "cost": {"cpu": 1.0}, "label": "", "level": 0,
+        "errors": {"end": 0.1, "outcome": True}, "cost": {"cpu": 1.0}, "label": "", "level": 0,
     }  # fmt: skip
     (work / "s").mkdir()
     study = {
         "description": {"scene": shot.description(), "steps": shot.scene.steps, "method": "progressive"},
         "method": "progressive", "points": [point], "reference": {"error": 0.0, "point": point}, "size": 1.0,
-        "spread": {},
+        "spread": {}, "format": 2,
     }  # fmt: skip
     (work / "s" / "study.json").write_text(json.dumps(study))
     shutil.copytree(work, folder / "kept")

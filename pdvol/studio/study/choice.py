@@ -9,6 +9,7 @@ from pdvol.errors import InputError
 from pdvol.runs.scene_file import Shot, load_shot, parse_value
 from pdvol.store.files import read_json, require_no_link_out
 from pdvol.studio.study.front import cheapest_within, most_accurate_within
+from pdvol.studio.study.study import STUDY_FORMAT
 from pdvol.studio.wedge.variation import length
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "%": None}
@@ -61,7 +62,7 @@ def choice_notes(folder: Path, point: Mapping[str, Any]) -> list[str]:
     study = read_study(folder)
     spread, own = study["spread"] or {}, study["reference"]["error"]
     notes = []
-    if not point["errors"]["story"]:
+    if not point["errors"]["outcome"]:
         notes.append("note: no settings within that time end as the reference does: a body rests elsewhere with these")
     if point.get("within_own_error"):
         known = "is not known" if own is None else f"is about {length(own)}"
@@ -90,6 +91,8 @@ def read_study(folder: Path) -> dict:
         found = read_json(folder / "study.json")
     except FileNotFoundError:
         raise InputError(f"{folder} holds no study; make one by: pdvol study SCENE.py -o {folder}") from None
+    if found.get("format", 0) < STUDY_FORMAT:
+        raise InputError(f"{folder} is a study of an earlier pdvol; measure it again: pdvol study SCENE.py -o {folder}")
     require_no_link_out(folder)
     return found
 

@@ -40,7 +40,7 @@ def conclusions(
     levels : of the scene, their number
     """
     points = result["points"]
-    same = [point["errors"]["story"] for point in points]
+    same = [point["errors"]["outcome"] for point in points]
     front = on_front([p["cost"]["cpu"] for p in points], [p["errors"]["end"] for p in points])
     for point, kept in zip(points, front, strict=True):
         point["front"] = kept
@@ -52,7 +52,7 @@ def conclusions(
         "spread": spread,
         "orders": _orders(result, states, plan, folder),
         "default": default,
-        "same_story": sum(same),
+        "same_outcome": sum(same),
         "levels_not_run": list(range((plan.last or 0) + 1, levels)),
     }
     return {**found, "sentences": sentences(points, found, result["size"])}
@@ -171,19 +171,19 @@ def sentences(points: Sequence[Mapping], found: Mapping[str, Any], size: float) 
         lines.append(
             f"The scene's settings on level {default['level']} end {length(error)} ({error / size:.2%} of the size)"
             f" from the reference, in {seconds:.3g} s of CPU time"
-            f"{'.' if default['errors']['story'] else ', and tell another story: a body rests elsewhere.'}"
+            f"{'.' if default['errors']['outcome'] else ', and have another outcome: a body rests elsewhere.'}"
         )
         for fraction in SHARES:
             best = cheapest_within(points, fraction * size, own)
             if best is not None and fraction * size >= spread_end:
                 lines.append(_compared(best, default, f"within {fraction:.0%} of the size"))
-        half = [p for p in points if p["cost"]["cpu"] <= 0.5 * seconds and p["errors"]["story"]]
+        half = [p for p in points if p["cost"]["cpu"] <= 0.5 * seconds and p["errors"]["outcome"]]
         if half:
             best = min(half, key=lambda point: (seen(point), point["cost"]["cpu"]))
             lines.append(
                 f"In half the time of the scene's settings, {option_text(best)} gives {length(best['errors']['end'])}."
             )
-        finer = [p for p in points if seen(p) < 0.5 * error and p["errors"]["story"]]
+        finer = [p for p in points if seen(p) < 0.5 * error and p["errors"]["outcome"]]
         if finer:
             best = min(finer, key=lambda point: point["cost"]["cpu"])
             times = best["cost"]["cpu"] / seconds
@@ -229,7 +229,7 @@ def _levels(points: Sequence[Mapping], found: Mapping[str, Any]) -> list[str]:
                 f"Level {level} by progressive refinement takes {mine['cost']['cpu']:.3g} s with all coarser levels and"
                 f" ends {length(mine['errors']['end'])} from the reference; level {level} alone takes"
                 f" {other['cost']['cpu']:.3g} s and ends {length(other['errors']['end'])} from it"
-                f"{'' if other['errors']['story'] else ', another story'}."
+                f"{'' if other['errors']['outcome'] else ', another outcome'}."
             )
     return lines
 

@@ -53,14 +53,14 @@ def richardson(difference: float, ratio: float, order: float) -> float:
 
 def cheapest_within(points: Sequence[Mapping], accuracy: float, own_error: float) -> Mapping | None:
     """The cheapest point whose error and the reference's own one together are at most `accuracy` [m]."""
-    fit = [point for point in points if point["errors"]["end"] + own_error <= accuracy and point["errors"]["story"]]
+    fit = [point for point in points if point["errors"]["end"] + own_error <= accuracy and point["errors"]["outcome"]]
     return min(fit, key=lambda point: point["cost"]["cpu"], default=None)
 
 
 def most_accurate_within(points: Sequence[Mapping], seconds: float) -> Mapping | None:
     """The point of the smallest error that costs at most `seconds` of CPU time."""
     fit = [point for point in points if point["cost"]["cpu"] <= seconds]
-    return min(fit, key=lambda point: (not point["errors"]["story"], point["errors"]["end"]), default=None)
+    return min(fit, key=lambda point: (not point["errors"]["outcome"], point["errors"]["end"]), default=None)
 
 
 def candidates(

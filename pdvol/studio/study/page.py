@@ -59,17 +59,17 @@ def front_image(path: Path, study: Mapping[str, Any]) -> Path:
 
 
 def front_figure(study: Mapping[str, Any]) -> Figure:
-    """Time against error at the end; one colour per level, open marks for other stories."""
+    """Time against error at the end; one colour per level, open marks for other outcomes."""
     figure, axes = _figure(8.6, 5.4)
     points = [p for p in study["points"] if p["errors"]["end"] > 0.0]
     for level in sorted({p["level"] for p in points}):
         for alone in (False, True):
             name = f"level {level}{' alone' if alone else ''}"
-            for story in (True, False):
+            for same in (True, False):
                 mine = [
                     p
                     for p in points
-                    if (p["level"], p["method"] == "direct", p["errors"]["story"]) == (level, alone, story)
+                    if (p["level"], p["method"] == "direct", p["errors"]["outcome"]) == (level, alone, same)
                 ]
                 colour = PALETTE[level % len(PALETTE)]
                 axes.plot(
@@ -77,7 +77,7 @@ def front_figure(study: Mapping[str, Any]) -> Figure:
                     [p["errors"]["end"] for p in mine],
                     "s" if alone else "o",
                     color=colour,
-                    markerfacecolor=colour if story else "none",
+                    markerfacecolor=colour if same else "none",
                     markersize=6,
                     label=name if mine and name not in axes.get_legend_handles_labels()[1] else None,
                 )

@@ -1,4 +1,4 @@
-"""How far a run is from a reference, in what users see: distances, bodies, contacts, volume, energy, and the story."""
+"""How far a run is from a reference, in what users see: distances, bodies, contacts, volume, energy, and the outcome."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -61,7 +61,7 @@ class ReferenceStates:
             any vertex at any time; `share`: `end` in sizes of the smallest body; `bodies`: of each its name, distance
             of the centres [m] and angle [degrees], at the end and the largest; `first_contact` [s], how much later;
             `volume`, relative, and `energy` [J], kinetic, elastic and of loads, at the end; `min_gap` [m]; `drift` [m],
-            the largest distance of a body's centre from where level 0 of the same run has it, at the end; `story`.
+            the largest distance of a body's centre from where level 0 of the same run has it, at the end; `outcome`.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class ReferenceStates:
         gaps = [record["min_gap"] for record in mine.log if record.get("min_gap") is not None]
         found["min_gap"] = min(gaps, default=None)
         found["drift"] = self._drift(run, level, float(times[-1])) if level and run.levels[0].steps else None
-        found["story"] = not elsewhere(moved[-1], turned[-1], self.sizes).any()
+        found["outcome"] = not elsewhere(moved[-1], turned[-1], self.sizes).any()
         return found
 
     def _drift(self, run: Run, level: int, time: float) -> float:

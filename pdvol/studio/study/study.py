@@ -24,7 +24,7 @@ from pdvol.studio.wedge.jobs import Job, Outcome, run_jobs, take_folder
 from pdvol.studio.wedge.variation import Base, Variation, number, value_text
 from pdvol.studio.wedge.worker import Workers
 
-STUDY_FORMAT = 1  # of study.json: increased when an older pdvol cannot read it
+STUDY_FORMAT = 2  # of study.json: increased when an older pdvol cannot read it
 JITTER_SHARE = 1e-3  # of the smallest body's diagonal: how far apart jittered starts end in free flight
 PAGE_TIME = 6.0  # seconds of the budget that are kept for errors and the page
 

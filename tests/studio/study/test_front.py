@@ -37,12 +37,12 @@ def test_no_order_is_seen_in_two_differences_or_in_none():
     assert fitted_order([0.2, 0.4, 0.8], [1.0, 1.0, 1.0], 0.1) is None
 
 
-def point(cost, error, story=True):
-    return {"cost": {"cpu": cost}, "errors": {"end": error, "story": story}}
+def point(cost, error, outcome=True):
+    return {"cost": {"cpu": cost}, "errors": {"end": error, "outcome": outcome}}
 
 
-def test_the_choice_counts_the_reference_s_own_error_and_the_story():
-    points = [point(1.0, 0.5), point(2.0, 0.2), point(3.0, 0.01, story=False), point(4.0, 0.05)]
+def test_the_choice_counts_the_reference_s_own_error_and_the_outcome():
+    points = [point(1.0, 0.5), point(2.0, 0.2), point(3.0, 0.01, outcome=False), point(4.0, 0.05)]
     assert cheapest_within(points, 0.25, 0.0) is points[1]
     assert cheapest_within(points, 0.25, 0.1) is points[3]
     assert cheapest_within(points, 0.01, 0.0) is None

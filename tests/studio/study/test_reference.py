@@ -53,15 +53,15 @@ def test_a_shift_is_the_error_and_grows_with_time(reference, tmp_path):
     for body in found["bodies"]:
         assert body["centre"] == pytest.approx(found["end"]) == body["centre_most"]
         assert body["angle"] == pytest.approx(0.0, abs=1e-5)
-    assert found["volume"] == pytest.approx(0.0, abs=1e-12) and found["first_contact"] == 0.0 and found["story"]
+    assert found["volume"] == pytest.approx(0.0, abs=1e-12) and found["first_contact"] == 0.0 and found["outcome"]
 
 
-def test_a_turn_is_seen_on_the_body_that_turns_and_makes_another_story(reference, tmp_path):
+def test_a_turn_is_seen_on_the_body_that_turns_and_makes_another_outcome(reference, tmp_path):
     for angle, same in ((0.2, True), (0.9, False)):
         run = write(tmp_path / f"run{angle}", lambda mesh, x, t, a=angle: turned(mesh, x, a * t / DURATION, 1))
         left, right = reference.errors(run, 1)["bodies"]
         assert right["angle"] == pytest.approx(np.degrees(angle), rel=1e-3) and left["angle"] < 1e-5
-        assert reference.errors(run, 1)["story"] == same
+        assert reference.errors(run, 1)["outcome"] == same
 
 
 def test_half_the_time_step_is_compared_at_common_times(reference, tmp_path):

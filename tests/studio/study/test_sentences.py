@@ -1,9 +1,9 @@
-"""What a study recommends, from made-up points: the reference's story alone, and no gain that chance gives, too."""
+"""What a study recommends, from made-up points: points with the reference's outcome alone, and no gain that chance gives, too."""
 
 from pdvol.studio.study.conclusions import sentences
 
 
-def point(name, cost, error, story=True, level=1):
+def point(name, cost, error, outcome=True, level=1):
     words = ["--levels", f"0:{level}", "--set", f"dt={name}"]
     return {
         "words": words,
@@ -11,7 +11,7 @@ def point(name, cost, error, story=True, level=1):
         "method": "progressive",
         "level": level,
         "cost": {"cpu": cost},
-        "errors": {"end": error, "story": story},
+        "errors": {"end": error, "outcome": outcome},
     }
 
 
@@ -44,8 +44,8 @@ def test_what_is_better_is_recommended():
     assert finer.startswith("Less than half the error") and "dt=fine" in finer and "3 times" in finer
 
 
-def test_another_story_is_never_recommended():
-    lines = said([point("scene", 10.0, 0.2), point("half", 4.0, 0.01, story=False), point("fine", 30.0, 0.01, False)])
+def test_another_outcome_is_never_recommended():
+    lines = said([point("scene", 10.0, 0.2), point("half", 4.0, 0.01, outcome=False), point("fine", 30.0, 0.01, False)])
     assert recommended(lines) == []
 
 
