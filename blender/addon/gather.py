@@ -266,6 +266,7 @@ def _body(
         pins=pins,
         regions=tuple(Region(group(region.group), region.material()) for region in settings.regions),
         repair=settings.repair,
+        hole=round(settings.hole, 6),
     )
 
 

@@ -36,6 +36,8 @@ class PDVOL_PT_object(_Panel, bpy.types.Panel):
         if settings.pins:
             layout.prop(settings, "reach")
         layout.prop(settings, "repair")
+        if settings.repair:
+            layout.prop(settings, "hole")
         for number, region in enumerate(settings.regions):
             box = layout.box()
             row = box.row(align=True)

@@ -13,7 +13,7 @@ from bpy.props import (
 )
 
 from ..shot.description import PRESETS, Material
-from ..shot.names import CLOSE_HOLES
+from ..shot.names import CLOSE_HOLES, WIDEST_HOLE
 
 OWN = "OWN"
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
@@ -103,6 +103,14 @@ class PDVOL_ObjectSettings(MaterialSettings, bpy.types.PropertyGroup):
     regions: CollectionProperty(type=PDVOL_RegionSettings, override=OVERRIDE | {"USE_INSERTION"})
     repair: BoolProperty(
         override=OVERRIDE, name=CLOSE_HOLES, description="Simulate a closed copy of an open or crossing mesh"
+    )
+    hole: FloatProperty(
+        override=OVERRIDE,
+        name=WIDEST_HOLE,
+        description="Longest rim of a hole that is closed, in diagonals of the object",
+        default=1.0,
+        min=0.0,
+        soft_max=4.0,
     )
 
 

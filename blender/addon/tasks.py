@@ -48,7 +48,7 @@ def write(context: bpy.types.Context) -> Written:
         write_shot(shot, places)
     except OSError as error:
         raise ShotError(f"cannot write {error.filename or places.folder}: {error.strerror}") from error
-    repairs = [commands.repair(*pair) for pair in open_shapes(shot, places.meshes)]
+    repairs = [commands.repair(*shape) for shape in open_shapes(shot, places.meshes)]
     return Written(places, repairs, played)
 
 

@@ -91,6 +91,7 @@ class Body:
     vertices : of each level, coarsest first
     velocity : (3,) [m/s] at t = 0
     repair : whether the shape is to be closed before
+    hole : longest rim of a hole that is closed then, in diagonals
     """
 
     name: str
@@ -104,6 +105,7 @@ class Body:
     pins: tuple[Pin, ...] = ()
     regions: tuple[Region, ...] = ()
     repair: bool = False
+    hole: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ LONGEST = 40  # characters that are kept: pdvol's exports have a limit, too, for
 GROUND = "ground"
 """The name of the scene's plane, which no object has."""
 CLOSE_HOLES = "Close holes"
+WIDEST_HOLE = "Widest hole"
 """The setting of a body that simulates a closed copy of its mesh, as the panel shows it."""
 
 

@@ -87,10 +87,12 @@ def _write_obstacle(obstacle: Obstacle, shot: Shot, folder: Path) -> list[Path]:
     return paths
 
 
-def open_shapes(shot: Shot, folder: Path) -> list[tuple[Path, Path]]:
-    """What `pdvol repair` has to close, as pairs (mesh, closed mesh); none whose mesh is as it was the last time."""
-    pairs = [_shape_files(body, folder) for body in shot.bodies if body.repair]
-    return [(mesh, closed) for mesh, closed in pairs if not _is_newer(closed, mesh)]
+def open_shapes(shot: Shot, folder: Path) -> list[tuple[Path, Path, float]]:
+    """What `pdvol repair` has to close: mesh, closed mesh and the longest rim in diagonals; none whose mesh is as it
+    was the last time.
+    """
+    shapes = [(*_shape_files(body, folder), body.hole) for body in shot.bodies if body.repair]
+    return [(mesh, closed, hole) for mesh, closed, hole in shapes if not _is_newer(closed, mesh)]
 
 
 def _shape_files(body: Body, folder: Path) -> tuple[Path, Path]:

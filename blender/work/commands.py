@@ -37,9 +37,9 @@ def check(scene: Path, findings: Path) -> list[str]:
     return ["check", str(scene), "--json", str(findings)]
 
 
-def repair(open_mesh: Path, closed: Path) -> list[str]:
-    """Close a surface."""
-    return ["repair", str(open_mesh), "-o", str(closed)]
+def repair(open_mesh: Path, closed: Path, hole: float) -> list[str]:
+    """Close a surface; the longest rim is in diagonals."""
+    return ["repair", str(open_mesh), "-o", str(closed), "--hole", f"{hole:g}"]
 
 
 def preview(scene: Path, run: Path) -> list[str]:

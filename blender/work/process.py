@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..shot.names import CLOSE_HOLES
+from ..shot.names import CLOSE_HOLES, WIDEST_HOLE
 
 WATCH = Path(__file__).with_name("watch.py")
 ENDS_WITHIN = 10.0  # seconds in which a cancelled command has to be gone: those of `watch.py`, and a slow machine's
@@ -69,4 +69,4 @@ def with_settings(line: str) -> str:
     """A message of pdvol that names the panel's setting where one repairs what is wrong."""
     for remedy in REMEDIES:
         line = line.replace(remedy, f"tick {CLOSE_HOLES} (sidebar, Object)")
-    return line
+    return line.replace("--hole", WIDEST_HOLE)

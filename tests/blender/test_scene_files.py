@@ -120,19 +120,19 @@ def test_what_a_shot_lacks_its_file_does_not_name(tmp_path):
 
 def test_a_repaired_body_is_simulated_by_its_closed_copy(tmp_path):
     shot = two_bodies()
-    repaired = replace(shot.bodies[1], repair=True)
+    repaired = replace(shot.bodies[1], repair=True, hole=2.5)
     text = scene_text(replace(shot, bodies=(shot.bodies[0], repaired)), places(tmp_path))
     assert 'MESHES / "ball_closed.obj",' in text and 'RenderMesh(MESHES / "ball.obj")' in text
     shot, at = replace(shot, bodies=(repaired,)), places(tmp_path)
     write_shot(shot, at)
     pair = at.meshes / "ball.obj", at.meshes / "ball_closed.obj"
-    assert open_shapes(shot, at.meshes) == [pair]
+    assert open_shapes(shot, at.meshes) == [(*pair, 2.5)]
     pair[1].write_text("closed")
     write_shot(replace(shot, friction=0.2), at)
     assert open_shapes(shot, at.meshes) == [] and pair[1].exists()  # the mesh is as it was
     moved = replace(repaired, shape=mesh_of(meshes.ball(0.2, 2), (0.0, 0.0, 0.5)))
     write_shot(replace(shot, bodies=(moved,)), at)
-    assert open_shapes(shot, at.meshes) == [pair]
+    assert open_shapes(shot, at.meshes) == [(*pair, 2.5)]
 
 
 def test_mistakes_are_one_line(tmp_path):

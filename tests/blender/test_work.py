@@ -17,7 +17,7 @@ from blender.shot.files import read_pc2
 from blender.shot.scene_text import write_shot
 from blender.work import commands
 from blender.work.play import Played, make_caches, played_frames, to_object, write_objects
-from blender.work.process import Process
+from blender.work.process import Process, with_settings
 from blender.work.progress import RunProgress
 from blender.work.session import Ended, Frames, Session, Task, forget_run
 from blender.work.stored import findings, stored_levels, stored_settings, variations
@@ -124,6 +124,7 @@ def test_defects_of_meshes_name_the_setting_that_repairs_them(tmp_path):
     file.write_text(json.dumps({"defects": [str(refused.value)]}))
     ((line,), notes) = findings(file)
     assert line.endswith("; tick Close holes (sidebar, Object)") and line.startswith("box: the surface is open")
+    assert with_settings("a.obj: open; --hole 2.31 closes it") == "a.obj: open; Widest hole 2.31 closes it"
     assert notes == []
 
 
@@ -147,7 +148,7 @@ def test_command_lines_are_pdvols():
         commands.wedge(scene, Path("w"), "mu", 0.1, 0.9, 5),
         commands.pick(Path("w"), 3, run),
         commands.export(run, 1, 24.0, Path("out")),
-        commands.repair(Path("a.obj"), Path("b.obj")),
+        commands.repair(Path("a.obj"), Path("b.obj"), 2.5),
     ):
         assert parse(words).command == words[0]
     assert parse(commands.wedge(scene, Path("w"), "mu", 0.1, 0.9, 5)).vary == ["mu=0.1:0.9:5"]
