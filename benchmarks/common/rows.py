@@ -56,6 +56,8 @@ ROWS = {
     "twist_1k": scene("twist_1k", 100),
     "twistx_1k": scene("twistx_1k", 100),
     "rollers": pile("rollers", 60, "a block drawn through two rollers"),
+    "octopus": pile("octopus", 40, "an octopus drawn through two rollers"),
+    "octopus_2": pile("octopus_2", 40, "the same octopus, finer"),
     "plates": pile("plates", 40, "a block pressed between plates by 40 %"),
     "twist_4k": scene("twist_4k", 100),
     "blocks": scene("blocks", 60),

@@ -102,6 +102,4 @@ class Kept:
         """The machine and the table."""
         own, (above, below) = machine(), self._around(self.rows)
         made = table(self._head, [line for name, record in self.rows.items() for line in self._cells(name, record)])
-        return "\n\n".join(
-            filter(None, [f"{own['processor']}, one of {own['cores']} cores for each run.", above, made, below])
-        )
+        return "\n\n".join(filter(None, [f"{own['processor']}, {own['cores']} cores.", above, made, below]))

@@ -1,11 +1,11 @@
 """pdvol beside STARK: both run the same scenes in turn on one machine, and their times are divided.
 
-    ./run python -m benchmarks.stark --stark DIR [--scenes drop_500,balls | --all] [--repeats 3]
+    ./run python -m benchmarks.stark --stark DIR [--scenes drop_500,balls] [--cores 2] [--repeats 3]
 
 DIR is the folder that holds STARK's Python module `pystark`, built for the Python of `./run`. Both get the same mesh,
-stiffness, time step, contact distance and stop criterion. Times are taken as by benchmarks.dense. The table is written
-between the markers of NOTES.md; rows that are not run again stay. The exit code is 0 when every run came to its end, 1
-otherwise.
+stiffness, time step, contact distance and stop criterion. Times are taken as by benchmarks.dense, with more cores by
+the wall clock. The table is written between the markers of NOTES.md; rows that are not run again stay. The exit code is
+0 when every run came to its end, 1 otherwise.
 """
 
 import argparse
@@ -30,8 +30,7 @@ from pdvol.errors import PdvolError
 from pdvol.measure.verify import signed_volumes
 from pdvol.runs.scene_file import load_shot
 
-USUAL = ("drop_500", "twist_1k", "twistx_1k", "twist_4k", "drop_4k", "blocks", "stack", "balls", "rollers")
-LONG = (*USUAL, "twist_20k", "drop_20k")
+USUAL = ("drop_500", "twist_1k", "twistx_1k", "twist_4k", "drop_4k", "blocks", "stack", "balls", "rollers", "octopus")
 LIMIT = 1800.0
 """CPU seconds after which a run stops between two steps."""
 SIDES = ("stark", "pdvol")
@@ -47,9 +46,8 @@ HEAD += ["last positions apart [mm]: median, most", "load", "measured at"]
     {
         "--stark": {"type": Path, "metavar": "DIR", "help": "the folder that holds the built module pystark"},
         "--scenes": {**NAMES, "help": f"rows (default: {', '.join(USUAL)})"},
-        "--all": {"action": "store_true", "help": "the rows of 20,000 vertices, too"},
+        "--cores": {"type": int, "default": 1, "help": "of each run: STARK's threads, pdvol's ranks (default: 1)"},
         "--repeats": {"type": int, "default": 3, "metavar": "N", "help": "runs of each (default: 3)"},
-        "--steps": {"type": int, "help": "so many steps at most, instead of each row's own"},
         "--peers": {"type": Path, "default": REPOSITORY.parent / "shared" / "peers", "help": "the peers' meshes"},
         "--out": {"type": Path, "default": REPOSITORY / "runs" / "stark", "help": "for stark.json, the records"},
         "--docs": {"type": Path, "default": Path(__file__).with_name("NOTES.md"), "help": "where the table is kept"},
@@ -57,12 +55,14 @@ HEAD += ["last positions apart [mm]: median, most", "load", "measured at"]
 )
 def main(options) -> int:
     """Runs the command; returns its exit code."""
-    names = chosen(options.scenes, ROWS, LONG if options.all else USUAL)
-    if options.repeats < 1 or (options.steps or 2) < 2:
-        raise Mistake("--repeats needs a whole number from 1 on, --steps one from 2 on")
+    names = chosen(options.scenes, ROWS, USUAL)
+    if options.repeats < 1:
+        raise Mistake("--repeats needs a whole number from 1 on")
     if not (options.peers / "README.md").is_file():
         raise Mistake(f"--peers {options.peers} has no README.md; name the folder of the peers' meshes")
-    kept = Kept(options.out / "stark.json", ROWS, HEAD, cells, Page(options.docs, "stark", "table"))
+    study = "stark" if options.cores == 1 else f"stark_{options.cores}"
+    page = Page(options.docs, study, "table")
+    kept = Kept(options.out / f"{study}.json", ROWS, HEAD, cells, page)
     check_module(options.stark)
     at = {"commit": commits.Repository(REPOSITORY).head()[:7]}
     kept.run(names, lambda name: in_turn(ROWS[name], options) | at)
@@ -84,9 +84,10 @@ def check_module(folder: Path | None) -> None:
         raise Mistake(f"--stark {folder}: import pystark fails: {reason}; build it for Python {version}")
 
 
-def with_stark(folder: Path) -> list[str]:
+def with_stark(folder: Path, cores: int = 1) -> list[str]:
     """The start of a command: this Python, which finds pystark and the benchmarks."""
-    return ["env", f"PYTHONPATH={folder.resolve()}{os.pathsep}{REPOSITORY}", sys.executable]
+    path = f"PYTHONPATH={folder.resolve()}{os.pathsep}{REPOSITORY}"
+    return ["env", path, f"OMP_NUM_THREADS={cores}", sys.executable]
 
 
 # ---- runs
@@ -96,7 +97,7 @@ def in_turn(row: Row, options: argparse.Namespace) -> dict:
     """The records of a row, by system, how far their last positions are `apart` [m] (median, most) and the `load`."""
     peers = {"peers": str(options.peers.resolve())} if row.file.endswith("peers.py") else {}
     row = replace(row, settings=row.settings | peers, limit=LIMIT)
-    steps, ends, loads = row.most(options.steps), {}, []
+    steps, ends, loads = row.steps, {}, []
     with tempfile.TemporaryDirectory(prefix="pdvol-stark-") as aside:
         folder = Path(aside)
         meshes = given(load_shot(REPOSITORY / row.file, row.settings, steps).scene).meshes
@@ -104,9 +105,9 @@ def in_turn(row: Row, options: argparse.Namespace) -> dict:
         def by(side: str) -> dict:
             loads.append(os.getloadavg()[0])
             if side == "pdvol":
-                record, ends[side] = by_pdvol(row, folder, steps)
+                record, ends[side] = by_pdvol(row, folder, steps, options.cores)
             else:
-                record, ends[side] = by_stark(row, steps, meshes, options.stark, options.out.resolve() / "cache")
+                record, ends[side] = by_stark(row, steps, meshes, options)
             return record
 
         records = march.in_turn({side: partial(by, side) for side in SIDES}, options.repeats)
@@ -115,14 +116,16 @@ def in_turn(row: Row, options: argparse.Namespace) -> dict:
     return {**records, "apart": apart, "load": [min(loads), max(loads)]}
 
 
-def by_stark(row: Row, steps: int, meshes: list, stark: Path, cache: Path) -> tuple[dict, dict]:
+def by_stark(row: Row, steps: int, meshes: list, options: argparse.Namespace) -> tuple[dict, dict]:
     """The record of one run by STARK, and its last state."""
     with tempfile.TemporaryDirectory(prefix="pdvol-stark-") as folder:
         out = Path(folder) / "stark.npz"
         asked = {"file": str(REPOSITORY / row.file), "settings": row.settings, "steps": steps, "limit": row.limit}
-        asked |= {"out": str(out), "cache": str(cache)}
+        asked |= {"out": str(out), "cache": str(options.out.resolve() / "cache"), "cores": options.cores}
         words = ["-m", "benchmarks.stark.run_one", json.dumps(asked)]
-        reason = process.child([*with_stark(stark), *words], 4.0 * row.limit, out.with_suffix(".log"))
+        reason = process.child(
+            [*with_stark(options.stark, options.cores), *words], 4.0 * row.limit, out.with_suffix(".log")
+        )
         if not out.is_file():
             return {"reason": reason or "it left no result", "seconds": []}, {}
         with np.load(out) as arrays:
@@ -130,14 +133,14 @@ def by_stark(row: Row, steps: int, meshes: list, stark: Path, cache: Path) -> tu
     offsets = np.cumsum([0, *(len(points) for points, _ in meshes)])
     cells = np.concatenate([cells + offset for (_, cells), offset in zip(meshes, offsets, strict=False)])
     ticks, rest = found.pop("ticks", []), np.concatenate([points for points, _ in meshes])
-    found |= {"tick": float(np.mean(ticks)) if ticks else 1.0, "vertices": len(rest)}
+    found |= {"tick": float(np.mean(ticks)) if ticks and options.cores == 1 else 1.0, "vertices": len(rest)}
     state = {"rest": rest, "last": last, "cells": cells, "step": steps}
     return ended(found, steps, reason, state), state
 
 
-def by_pdvol(row: Row, folder: Path, steps: int) -> tuple[dict, dict]:
+def by_pdvol(row: Row, folder: Path, steps: int, ranks: int) -> tuple[dict, dict]:
     """The record of one run by pdvol, and its last state."""
-    found = march.march(row, folder / "run", steps)
+    found = march.march(row, folder / "run", steps, ranks=ranks)
     try:
         state = march.end(folder / "run")
     except PdvolError:

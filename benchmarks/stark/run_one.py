@@ -1,8 +1,10 @@
 """One run in STARK, in a process of its own: `python -m benchmarks.stark.run_one JSON`.
 
 PYTHONPATH names the folder of pystark. JSON has `file`, `settings` and `steps` of the scene, `out`, `cache`, the folder
-of the code that STARK compiles, and `limit`, the CPU seconds after which the march stops. `out` is an npz of the last
-positions `last` (n, 3) [m] and, as JSON, `record`: for each step the CPU seconds (without storage), the Newton
+of the code that STARK compiles, `cores`, how many threads it has, and `limit`, the CPU seconds after which the march
+stops. `out` is an npz of the last
+positions `last` (n, 3) [m] and, as JSON, `record`: for each step the seconds (of CPU with one thread, of the clock
+with more; without storage), the Newton
 iterations and the step [s] that was taken, and the milliseconds that a fixed loop took after each step.
 
 STARK goes on where a solve has failed, with a harder contact or half of the step, and the time of failed solves
@@ -13,6 +15,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -43,7 +46,7 @@ def main(words: str) -> int:
     asked = json.loads(words)
     scene = load_shot(asked["file"], asked["settings"], asked["steps"]).scene
     shot = given(scene)
-    simulation = pystark.Simulation(settings(scene, shot, Path(asked["cache"])))
+    simulation = pystark.Simulation(settings(scene, shot, Path(asked["cache"]), asked["cores"]))
     contact = pystark.EnergyFrictionalContact.GlobalParams()
     contact.default_contact_thickness = 0.5 * shot.dhat  # two thicknesses add up to dhat
     contact.min_contact_stiffness = HARD
@@ -60,7 +63,8 @@ def main(words: str) -> int:
     turns = [(hold(simulation, bodies[0], vertices), motion) for vertices, motion in shot.turned]
     turns += [(one.inertia, motion) for one, (*_, motion) in zip(surfaces, shot.surfaces, strict=True)]
     timer = Timer(float(asked["limit"]))
-    steps = march(simulation, scene, turns, timer)
+    read = time.process_time if asked["cores"] == 1 else time.perf_counter
+    steps = march(simulation, scene, turns, timer, read)
     sizes = [len(points) for points, _ in shot.meshes]
     last = [one.point_set.get_position(i) for one, size in zip(bodies, sizes, strict=True) for i in range(size)]
     np.savez(asked["out"], last=np.array(last), record=np.array(json.dumps({"ticks": timer.ticks, **steps})))
@@ -70,15 +74,15 @@ def main(words: str) -> int:
 # ---- the scene
 
 
-def settings(scene: Scene, shot: Given, cache: Path) -> "pystark.Settings":
-    """Time step, gravity and stop criterion of the scene; one thread, no storage; otherwise STARK's own."""
+def settings(scene: Scene, shot: Given, cache: Path, cores: int) -> "pystark.Settings":
+    """Time step, gravity and stop criterion of the scene; no storage; otherwise STARK's own."""
     found = pystark.Settings()
     found.output.simulation_name = "shot"
     found.output.output_directory = str(cache / "logs")
     found.output.codegen_directory = str(cache / "code")
     found.output.fps = 0
     found.output.enable_frame_writes = False
-    found.execution.n_threads = 1
+    found.execution.n_threads = cores
     found.simulation.gravity = np.array(shot.gravity)
     found.simulation.max_time_step_size = scene.dt
     found.newton.step_tolerance = shot.tolerance
@@ -148,7 +152,7 @@ def hold(simulation, held, vertices: np.ndarray):
 # ---- its steps
 
 
-def march(simulation, scene: Scene, turns: list, timer: Timer) -> dict[str, list]:
+def march(simulation, scene: Scene, turns: list, timer: Timer, read: Callable[[], float]) -> dict[str, list]:
     """Marches to the scene's end; lists with an entry for each step that was taken."""
     log, counted = simulation.logger(), 0
     found: dict[str, list] = {"seconds": [], "newton": [], "dt": []}
@@ -157,9 +161,9 @@ def march(simulation, scene: Scene, turns: list, timer: Timer) -> dict[str, list
         after = now + simulation.get_time_step_size()
         for turn, motion in turns:
             turn.set_transformation(*transformation(motion, after))
-        begin = time.process_time()
+        begin = read()
         simulation.run_one_time_step()
-        spent += time.process_time() - begin
+        spent += read() - begin
         taken = simulation.get_time() - now
         if taken < small:  # the solve has failed, and STARK tries again
             if time.process_time() > timer.seconds:

@@ -78,7 +78,7 @@ def words(tmp_path):
 
 
 def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
-    def by_stark(row, steps, meshes, folder, cache):
+    def by_stark(row, steps, meshes, options):
         """In STARK's place: its time is twice a second, and all its vertices stay where they are."""
         rest = np.concatenate([points for points, _ in meshes])
         state = {"rest": rest, "last": rest, "cells": np.array([[0, 1, 2, 4]]), "step": steps}
@@ -104,7 +104,6 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
         (stark, ("--stark", "/nonexistent"), "has no pystark/__init__.py"),
         (stark, ("--scenes", "nothing"), "there is no 'nothing'"),
         (stark, ("--repeats", "0"), "--repeats needs"),
-        (stark, ("--steps", "1"), "--steps one from 2 on"),
         (stark, ("--peers", "/nonexistent"), "name the folder of the peers' meshes"),
         (stark, ("--docs", __file__), "once each"),
         (stark, ("--docs", "/nonexistent"), "No such file"),

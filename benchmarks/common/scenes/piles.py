@@ -15,12 +15,15 @@ import numpy as np
 import pdvol
 from pdvol import Barrier, Body, Friction, NeoHookean, Placement, Plane, Rigid, Rotation, Scene, Solver, Translation
 from pdvol.meshes import Solid, ball, bowl, brick, cylinder
+from pdvol.meshing.build import build_levels
 
 sys.path.append(str(Path(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
 
-from benchmarks.common.scenes import FLOOR, X_AXIS, Z_AXIS, falling, first_order, named
-from benchmarks.common.scenes.peers import MATERIAL, RUB, of_peers
+from benchmarks.common.scenes import FLOOR, X_AXIS, Z_AXIS, falling, first_order, named, solid
+from benchmarks.common.scenes.peers import MATERIAL, PEERS, RUB, of_peers
 
+JELLY = NeoHookean(8e3, 0.42, 1000.0)
+"""Of what rollers draw in."""
 GAP = 9e-4
 """Metres between faces that touch at the start: nine tenths of the contact distance."""
 
@@ -31,8 +34,7 @@ DIAGONAL = 3.128461310521044
 def kept(name: str) -> Solid:
     """A mesh of meshes.npz."""
     with np.load(Path(__file__).with_name("meshes.npz")) as arrays:
-        cells = arrays[f"{name}_cells"]
-        return Solid(arrays[f"{name}_points"], cells, np.zeros(len(cells), dtype=np.int32))
+        return solid(arrays[f"{name}_points"], arrays[f"{name}_cells"])
 
 
 def stack(count: int = 5, side: float = 0.2, cuts: int = 7, steps: int = 100) -> Scene:
@@ -99,23 +101,34 @@ def jelly_bowl(steps: int = 60) -> Scene:
     return falling(bodies, steps, obstacles=(Rigid(bowl(1.0, 0.6, 0.05), name="bowl"),), contact=contact, solver=solver)
 
 
-def rollers(gap: float = 0.12, turns: float = 0.8, cuts: int = 4, steps: int = 60) -> Scene:
-    """A soft block of 0.2 x 0.4 x 0.3 m is drawn through two turning rollers, `gap` [m] apart, `turns` [1/s]."""
-    radius, dt = 0.16, 0.02
-    mesh, soft = brick((0.2, 0.4, 0.3), (cuts, 2 * cuts, 3 * cuts // 2)), NeoHookean(8e3, 0.42, 1000.0)
-    block = Body((mesh,), soft, name="block", placement=Placement((0.0, 0.37, 0.0)))
+def rollers(gap: float = 0.12, turns: float = 0.8, steps: int = 60, body: Body | None = None, **more) -> Scene:
+    """A soft block of 0.2 x 0.4 x 0.3 m, or another body, is drawn through two rollers `gap` [m] apart that turn
+    `turns` [1/s].
+    """
+    radius = 0.16
+    block = Body((brick((0.2, 0.4, 0.3), (4, 8, 6)),), JELLY, name="block", placement=Placement((0.0, 0.37, 0.0)))
 
     def roller(side: int) -> Rigid:
         centre = (side * (radius + gap / 2), 0.0, 0.0)
         turning = Rotation(side * 2.0 * np.pi * turns, centre, Z_AXIS)
         return Rigid(cylinder(radius, 0.7, 48), Placement(centre, np.pi / 2, X_AXIS), turning, name=f"roller {side}")
 
-    return of_peers([block], steps, Friction(0.6, eps_v=1e-3), dt=dt, obstacles=(roller(-1), roller(1)))
+    obstacles = (roller(-1), roller(1), *more.pop("obstacles", ()))
+    return of_peers([body or block], steps, Friction(0.6, eps_v=1e-3), dt=0.02, obstacles=obstacles, **more)
+
+
+def octopus(vertices: int = 400, gap: float = 0.14, cases: str = str(PEERS.parent / "cases")) -> Scene:
+    """The octopus of the shared cases is drawn through the rollers, in the mesh that pdvol makes of it."""
+    (level,) = build_levels(Scene((Body(f"{cases}/20-octopus/octopus.obj", JELLY, (vertices,)),), dt=0.02, steps=1))
+    body = Body((solid(level.points, level.cells),), JELLY, name="octopus", placement=Placement((0.0, 0.38, 0.0)))
+    return rollers(gap, steps=40, body=body, obstacles=(Plane((0.0, -0.72, 0.0), (0.0, 1.0, 0.0), name="floor"),))
 
 
 SCENES = {
     "stack": stack,
     "rollers": rollers,
+    "octopus": octopus,
+    "octopus_2": lambda **other: octopus(3500, **other),
     "jelly_bowl": jelly_bowl,
     "balls": balls,
     "plates": plates,
