@@ -76,16 +76,11 @@ def in_turn(row: Row, steps: int, codes: dict[str, Path]) -> dict:
             old, new = (march.end(path) for path in paths.values())
             distances = march.distances(old, new)
             apart = None if distances is None else float(distances.max() / new["diagonal"])
-            states = soundness(paths["new"], steps)
+            found = verify.check_levels(paths["new"], max(1, steps // 100))  # a hundred states at most
+            states = "; ".join([text for one in found for text in one.problems][:2]) or "sound"
         except PdvolError as error:
             states = str(error)
     return {**records, "apart": apart, "states": states}
-
-
-def soundness(path: Path, steps: int) -> str:
-    """`sound`, or the first things wrong with the states, of which a hundred at most are searched."""
-    problems = [text for found in verify.check_levels(path, max(1, steps // 100)) for text in found.problems]
-    return "; ".join(problems[:2]) or "sound"
 
 
 def sides(records: dict) -> dict:

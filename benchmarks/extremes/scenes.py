@@ -29,11 +29,11 @@ from pdvol import (
     Support,
     Translation,
 )
-from pdvol.meshes import Solid, ball, brick
+from pdvol.meshes import ball, brick
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
 
-from benchmarks.common.scenes import FLOOR, ORIGIN, X_AXIS, falling, named
+from benchmarks.common.scenes import FLOOR, ORIGIN, X_AXIS, falling, grid, named
 
 GRAVITY = 9.81
 SOFT = NeoHookean(1e5)
@@ -160,15 +160,8 @@ def levels(cuts, size, dt: float, steps: int) -> Scene:
 
 def flat_levels(dt: float = 0.04, steps: int = 40) -> Scene:
     """The same in the plane: a bar of eight levels onto a floor and a ball, 20 to 765 vertices."""
-
-    def plate(m: int, n: int) -> Solid:
-        x, y = np.meshgrid(np.linspace(-0.5, 0.5, m + 1), np.linspace(-0.1, 0.1, n + 1), indexing="ij")
-        a = (np.arange(m)[:, None] * (n + 1) + np.arange(n)).ravel()
-        cells = np.vstack([np.column_stack([a, a + n + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + 1])])
-        return Solid(np.column_stack([x.ravel(), y.ravel()]), cells.astype(np.int32), np.zeros(len(cells), np.int32))
-
     cuts = ((9, 1), (10, 2), (15, 2), (19, 3), (24, 4), (30, 6), (40, 8), (84, 8))
-    bar = Body(tuple(plate(*two) for two in cuts), SOFT, placement=Placement((0.1, 0.9), 0.3))
+    bar = Body(tuple(grid((1.0, 0.2), two, (-0.5, -0.1)) for two in cuts), SOFT, placement=Placement((0.1, 0.9), 0.3))
     below = Rigid(pdvol.meshes.disc(0.2, 48), Placement((0.0, 0.25)), name="ball")
     obstacles = (Plane((0.0, 0.0), (0.0, 1.0), name="floor"), below)
     return falling([bar], steps, dt, 0.3, loads=(Gravity((0.0, -GRAVITY)),), obstacles=obstacles)

@@ -2,7 +2,7 @@
 kinds of elements, beside the truth.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,7 +48,9 @@ def write(out: Path) -> None:
     heights = {kind: {level: rises(run, level) for level in range(FINEST + 1)} for kind, run in apes.items()}
     curves(PICTURES / "how_right_bar.png", "height of the tip [m]", tips(bars), tip(true_bar))
     curves(PICTURES / "how_right_ape.png", "rise of the centre [m]", heights, truth)
-    text = millimetres(apes, bar_lines(bars, true_bar) | ape_lines(heights, truth))
+    lines = bar_lines(bars, true_bar) | ape_lines(heights, truth)
+    rows = [[label, *(f"{1e3 * value:.0f}" for value in values)] for label, values in lines.items()]
+    text = table(["[mm]", *apes, "truth"], rows)
     Page(DOCS, "preview", "table").write(text)
     print(text)
 
@@ -173,12 +175,6 @@ def ape_pane(kind: str, run: Run, index: int, true: bool) -> Pane:
 
 
 # ---- both
-
-
-def millimetres(kinds: Iterable[str], lines: Mapping[str, Sequence[float]]) -> str:
-    """A table of lengths [m], of each kind and of the truth."""
-    rows = [[label, *(f"{1e3 * value:.0f}" for value in values)] for label, values in lines.items()]
-    return table(["[mm]", *kinds, "truth"], rows)
 
 
 def curves(out: Path, label: str, found: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> None:

@@ -36,7 +36,7 @@ from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, f
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos"))
 
-from benchmarks.common.scenes import FLOOR, ORIGIN, X_AXIS, Z_AXIS, falling, first_order, named
+from benchmarks.common.scenes import FLOOR, ORIGIN, X_AXIS, Z_AXIS, falling, first_order, named, solid
 from recipes import dolphin
 
 TURN = np.radians(72.0)
@@ -266,14 +266,6 @@ def wedge(up: bool) -> tuple[np.ndarray, np.ndarray]:
     """Prism, 0.5 m wide and deep and 1 m high, its edge along z at the origin: points and tetrahedra."""
     points = np.array([(x, y, z) for z in (-0.25, 0.25) for x, y in ((-0.25, 1.0), (0.25, 1.0), (0.0, 0.0))])
     return points * ([1.0, -1.0, 1.0] if up else [1.0, 1.0, 1.0]), np.array([[0, 1, 2, 3], [1, 2, 3, 4], [2, 3, 4, 5]])
-
-
-def solid(points: np.ndarray, cells: np.ndarray) -> Solid:
-    """A Solid whose cells are turned to be positive."""
-    cells = cells.copy()
-    negative = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]]) < 0
-    cells[negative, :2] = cells[negative, 1::-1]
-    return Solid(points.astype(float), cells.astype(np.int32), np.zeros(len(cells), np.int32))
 
 
 def sheet(points, n: int = 1) -> Surface:

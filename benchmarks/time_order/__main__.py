@@ -16,26 +16,17 @@ import numpy as np
 import pdvol
 from benchmarks.common.process import machine
 from benchmarks.common.rows import chosen
-from benchmarks.common.scenes import falling, first_order
+from benchmarks.common.scenes import falling, first_order, grid
 from benchmarks.common.study import command
 from benchmarks.common.tables import number, table
 from demos import ball_on_spike
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Solid, Support, meshes
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Support, meshes
 
 DT, TRUTH = 0.01, 0.001
 """Time step of the shots, and of what they are compared with [s]."""
 ORDER_STEPS = (0.005, 0.0025, 0.00125)
 """Time steps between which orders are measured [s]; the truth has a fifth of the last one."""
 NAMES = {"implicit_euler": "implicit Euler", "bdf2": "BDF2"}
-
-
-def grid(size: tuple[float, float], cuts: tuple[int, int]) -> Solid:
-    """A rectangle as triangles, its lower left corner at the origin."""
-    x, y = np.meshgrid(*(np.linspace(0.0, length, n + 1) for length, n in zip(size, cuts, strict=True)))
-    row = cuts[0] + 1
-    a = (np.arange(cuts[1])[:, None] * row + np.arange(cuts[0])).ravel()
-    cells = np.vstack([np.column_stack([a, a + 1, a + row + 1]), np.column_stack([a, a + row + 1, a + row])])
-    return Solid(np.column_stack([x.ravel(), y.ravel()]), cells, np.zeros(len(cells), np.int32))
 
 
 def cantilever(d: int = 2, damping: float = 0.0) -> Scene:

@@ -3,7 +3,9 @@
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 
-from pdvol import Barrier, Friction, Gravity, InputError, Plane, Scene
+import numpy as np
+
+from pdvol import Barrier, Friction, Gravity, InputError, Plane, Scene, Solid
 
 DOWN = Gravity((0.0, -9.81, 0.0))
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
@@ -38,3 +40,20 @@ def first_order(scene: Scene) -> Scene:
     """The same scene with `FIRST_ORDER`; a setting that the imported pdvol does not have yet is left out."""
     known = {field.name for field in fields(scene)}
     return replace(scene, **{name: value for name, value in FIRST_ORDER.items() if name in known})
+
+
+def solid(points: np.ndarray, cells: np.ndarray) -> Solid:
+    """A Solid of one region from points (n, d) [m] and cells (m, d + 1), which are turned to be positive."""
+    cells = np.array(cells, dtype=np.int32)
+    negative = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]]) < 0
+    cells[negative, :2] = cells[negative, 1::-1]
+    return Solid(np.array(points, dtype=float), cells, np.zeros(len(cells), np.int32))
+
+
+def grid(size: tuple[float, float], cuts: tuple[int, int], corner: tuple[float, float] = (0.0, 0.0)) -> Solid:
+    """A rectangle [m] as triangles, from its lower left corner on."""
+    x, y = np.meshgrid(*(np.linspace(0.0, length, n + 1) for length, n in zip(size, cuts, strict=True)))
+    row = cuts[0] + 1
+    a = (np.arange(cuts[1])[:, None] * row + np.arange(cuts[0])).ravel()
+    cells = np.vstack([np.column_stack([a, a + 1, a + row + 1]), np.column_stack([a, a + row + 1, a + row])])
+    return solid(np.column_stack([x.ravel(), y.ravel()]) + corner, cells)

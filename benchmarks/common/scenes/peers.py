@@ -19,7 +19,7 @@ from pdvol.meshes import brick
 
 sys.path.append(str(Path(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
 
-from benchmarks.common.scenes import ORIGIN, X_AXIS, falling, first_order, named
+from benchmarks.common.scenes import ORIGIN, X_AXIS, falling, first_order, named, solid
 
 PEERS = Path(__file__).resolve().parents[4] / "shared" / "peers"
 MATERIAL = NeoHookean(2e5, poisson=0.4, density=1000.0)
@@ -37,15 +37,6 @@ def peer_mesh(peers: Path, name: str) -> Solid:
     """A mesh of the peers, with the offsets of its scene, in its own vertex order."""
     with np.load(Path(peers) / f"{name}.npz") as arrays:
         return solid(arrays["V"], arrays["T"])
-
-
-def solid(points: np.ndarray, cells: np.ndarray) -> Solid:
-    """A Solid of one region from points (n, 3) [m] and tetrahedra (m, 4)."""
-    return Solid(
-        np.ascontiguousarray(points, dtype=np.float64),
-        np.ascontiguousarray(cells, dtype=np.int32),
-        np.zeros(len(cells), np.int32),
-    )
 
 
 # ---- scenes
