@@ -87,12 +87,9 @@ def with_point(shot: Shot, point: Mapping[str, Any]) -> Shot:
 
 def read_study(folder: Path) -> dict:
     """`study.json` of a folder; InputError where there is none."""
-    try:
-        found = read_json(folder / "study.json")
-    except FileNotFoundError:
-        raise InputError(f"{folder} holds no study; make one by: pdvol study SCENE.py -o {folder}") from None
+    found = read_json(folder / "study.json") if (folder / "study.json").is_file() else {}
     if found.get("format", 0) < STUDY_FORMAT:
-        raise InputError(f"{folder} is a study of an earlier pdvol; measure it again: pdvol study SCENE.py -o {folder}")
+        raise InputError(f"{folder} holds no study of this pdvol; make one by: pdvol study SCENE.py -o {folder}")
     require_no_link_out(folder)
     return found
 

@@ -1,4 +1,4 @@
-"""How far a run is from a reference, in what users see: distances, bodies, contacts, volume, energy, and the outcome."""
+"""How far a run is from a reference, in what users see: distances, bodies, contacts, volume, energy, outcome."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a study recommends, from made-up points: points with the reference's outcome alone, and no gain that chance gives, too."""
+"""What a study recommends, from made-up points: only with the reference's outcome, and no gain of chance."""
 
 from pdvol.studio.study.conclusions import sentences
 
