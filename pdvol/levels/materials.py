@@ -111,8 +111,8 @@ def _held(region: Region, name: str, mesh: LevelMesh, mine: np.ndarray) -> np.nd
 def level_materials(scene: Scene, hierarchy: "Hierarchy", level: int) -> CellMaterials:
     """Materials of the cells of any level. Collective where they differ within a body: only then is anything bound."""
     if level == 0 or all(body.uniform for body in scene.bodies):
-        return cell_materials(scene, hierarchy[level].mesh)
-    return cell_materials(scene, hierarchy[0].mesh).carried(hierarchy.origins(level))
+        return cell_materials(scene, hierarchy.meshes[level])
+    return cell_materials(scene, hierarchy.meshes[0]).carried(hierarchy.origins(level))
 
 
 def check_laws(scene: Scene, dim: int) -> None:

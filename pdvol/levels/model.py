@@ -12,8 +12,8 @@ import numpy as np
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import BoundSprings, Pulls, attachment_springs, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
-from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
+from pdvol.levels.materials import CellMaterials, level_materials
+from pdvol.levels.muscles import CellMuscle, level_muscles
 from pdvol.levels.obstacles import ground_of
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle
@@ -141,34 +141,26 @@ class LevelModel:
 
 
 def level_model(
-    scene: Scene,
-    mesh: LevelMesh,
-    level: int,
-    diagonal: float,
-    obstacles: Sequence[Obstacle] = (),
-    materials: CellMaterials | None = None,
-    coarsest: LevelMesh | None = None,
-    muscles: tuple[CellMuscle, ...] | None = None,
+    scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence[Obstacle] = ()
 ) -> LevelModel:
-    """A scene on one level. Not collective: every rank makes the same one.
+    """A scene on a level of a hierarchy; materials, muscles and attachments are chosen on the coarsest level.
+    Collective.
 
     Parameters
     ----------
     diagonal : of the smallest free body [m] (`scene_diagonal`), for relative lengths
     obstacles : of the scene (`placed_obstacles`)
-    materials : of the level's cells; where not given, as if the level were the coarsest
-    coarsest : the coarsest level, on which springs are chosen, likewise
-    muscles : of the level's cells, likewise
 
     Raises
     ------
     InputError
         A function of the scene fails, or a support or a load holds no vertex.
     """
-    materials = cell_materials(scene, mesh) if materials is None else materials
+    mesh, coarsest = hierarchy.meshes[level], hierarchy.meshes[0]
+    materials = level_materials(scene, hierarchy, level)
     names = tuple(body.name for body in scene.bodies)
-    start, coarsest = start_positions(scene, mesh, level), mesh if coarsest is None else coarsest
-    springs = attachment_springs(scene, coarsest, start if coarsest is mesh else start_positions(scene, coarsest, 0))
+    start = start_positions(scene, mesh, level)
+    springs = attachment_springs(scene, coarsest, start_positions(scene, coarsest, 0))
     supports = []
     for support in scene.supports:
         mask, motion = supported_points(scene, support, mesh, level, start)
@@ -192,7 +184,7 @@ def level_model(
         contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
         springs=bound_springs(springs, mesh, start),
         pulls=(Pulls(scene, coarsest, mesh),) if scene.pulls or scene.hand else (),
-        muscles=cell_muscles(scene, mesh) if muscles is None else muscles,
+        muscles=level_muscles(scene, hierarchy, level),
         penalty=scene.penalty,
         feedback=scene.feedback,
         integrator=scene.integrator,
@@ -200,19 +192,6 @@ def level_model(
         dt=scene.dt,
         steps=scene.steps,
     )
-
-
-def hierarchy_model(
-    scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence[Obstacle] = ()
-) -> LevelModel:
-    """A scene on a level of a hierarchy; materials, muscles and attachments are chosen on the coarsest level.
-    Collective.
-
-    Parameters and errors as for `level_model`.
-    """
-    materials = level_materials(scene, hierarchy, level)
-    muscles, coarsest = level_muscles(scene, hierarchy, level), hierarchy[0].mesh
-    return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials, coarsest, muscles)
 
 
 def contact_models(

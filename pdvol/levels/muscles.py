@@ -72,7 +72,7 @@ def cell_muscles(scene: Scene, mesh: LevelMesh) -> tuple[CellMuscle, ...]:
 
 def level_muscles(scene: Scene, hierarchy: "Hierarchy", level: int) -> tuple[CellMuscle, ...]:
     """The muscles on any level. Collective where there are some: only then is anything bound."""
-    coarsest = cell_muscles(scene, hierarchy[0].mesh)
+    coarsest = cell_muscles(scene, hierarchy.meshes[0])
     if level == 0 or not coarsest:
         return coarsest
     origins = hierarchy.origins(level)

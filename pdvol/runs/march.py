@@ -13,7 +13,7 @@ from pdvol.errors import InputError
 from pdvol.integrate.integrator import Integrator, Past, advance
 from pdvol.integrate.level_march import Lead, level_march
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import LevelModel, hierarchy_model
+from pdvol.levels.model import LevelModel, level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import end_all, on_root
@@ -166,7 +166,7 @@ class March(Iterator[Step]):
 
     def model(self, level: int) -> LevelModel:
         """The scene on a level of `hierarchy`. Collective."""
-        return hierarchy_model(self._scene, self.hierarchy, level, self._diagonal, self._obstacles)
+        return level_model(self._scene, self.hierarchy, level, self._diagonal, self._obstacles)
 
     def __next__(self) -> Step:
         with self._threads.limit(limits=1):  # not for the user's own code between steps

@@ -23,6 +23,7 @@ from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.binding import ISLAND, bind
 from pdvol.levels.function_check import call_functions
+from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import Defect, buried, smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.materials import cell_materials
@@ -262,8 +263,9 @@ def _estimate_costs(
 ) -> None:
     """Add the estimated cost of each level, from the beginning of level 0."""
     mesh, dim = meshes[0], meshes[0].dim
-    model = level_model(scene, mesh, 0, diagonal, obstacles)
-    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF))
+    hierarchy = Hierarchy([mesh], MPI.COMM_SELF)
+    model = level_model(scene, hierarchy, 0, diagonal, obstacles)
+    stepper = Stepper(model, hierarchy[0])
     begin, spent, iterations = time.perf_counter(), [], []
     try:
         for report in direct(stepper, Start.at_rest(model.start, model.velocity), scene.steps):

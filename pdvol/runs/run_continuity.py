@@ -8,7 +8,7 @@ from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.marches import guide, led, mean_of_forces
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import hierarchy_model
+from pdvol.levels.model import level_model
 from pdvol.levels.script import Obstacle
 from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
@@ -34,7 +34,7 @@ def continuity_of_level(
         below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
         taken, weight = PREDICTED_WITH[method], scene.penalty.of(method)
         guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
-    model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
+    model = level_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
     feedback = level_feedback(model, hierarchy, method, below.positions) if level.index else ()
     replay = Replay(model, hierarchy[level.index], guides)
     integrator = replay.integrator

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import hierarchy_model
+from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import initial_velocity, way_up
 from pdvol.levels.start import start_positions
@@ -132,7 +132,7 @@ def run_scene(
             if wavefront is None and not alone:
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
-            hierarchy = None
+            hierarchy = Hierarchy(levels.meshes, comm, prolongation)
             for together in [marched] if wavefront else [[level] for level in marched]:
                 counts = {level: 1 if alone else _ranks_of(level, scene, levels, writer, ranks) for level in together}
                 if wavefront or max(counts.values()) > 1:
@@ -145,12 +145,9 @@ def run_scene(
                         ranks = 1
                         if how.progress is not None:
                             print(f"note: {error}; it goes on with one", file=sys.stderr)
-                if hierarchy is None:
-                    with stage("numbering the levels"):
-                        hierarchy = Hierarchy(levels.meshes, comm, prolongation)
                 for level in together:
                     with stage(f"evaluating the scene on level {level}"):
-                        model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
+                        model = level_model(scene, hierarchy, level, levels.diagonal, obstacles)
                     run_level(model, hierarchy, method, writer, how.progress)
         finally:
             if scene.played is not None:

@@ -45,7 +45,7 @@ class Pair:
         self.coarse, self.fine = (self.levels[i].mesh for i in (0, 1))
         physics = {"dt": DT, "materials": (SOFT,) * count} | physics
         scene = replace(make_scene(**physics), feedback=beta)
-        self.model = level_model(scene, self.fine, 1, 1.0, placed_obstacles(scene.obstacles))
+        self.model = level_model(scene, self.levels, 1, 1.0, placed_obstacles(scene.obstacles))
         self.path = lambda step: path(step, self.coarse.points)
         (self.feedback,) = level_feedback(self.model, self.levels, "progressive", self.path)
         self.stepper = Stepper(self.model, self.levels[1], FromCoarser(feedback=(self.feedback,)), integrator)
