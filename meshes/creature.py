@@ -1,11 +1,11 @@
 """A round, smiling bear, sitting: the default shape of demos/drop.py."""
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from .geometry import Surface
-from .implicit import capsule, contoured, ellipsoid, join
+from .implicit import capsule, ellipsoid, figurine, groove, mirrored, shaped
 
 
 @lru_cache(maxsize=4)  # a second to make, as the figures of jellies.py
@@ -22,19 +22,13 @@ def creature(height: float = 1.0, vertices: int = 4000, plumpness: float = 1.0) 
         Vertices of the surface, about.
     plumpness : scales the belly and cheeks
     """
-    h = 0.014  # grid cell of a figure about one unit tall: five cells across the nose
-    axes = [np.arange(low, high, h) for low, high in ((-0.56, 0.56 + h), (-0.10, 1.12 + h), (-0.50, 0.60 + h))]
-    points, triangles = contoured(
-        _figure(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), plumpness), axes, h, vertices
-    )
-    points = points - [0.0, points[:, 1].min(), 0.0]
-    return Surface(points * (height / points[:, 1].max()), np.ascontiguousarray(triangles, dtype=np.int32))
+    box = ((-0.56, 0.56), (-0.10, 1.12), (-0.50, 0.60))
+    return figurine(partial(_figure, plumpness=plumpness), box, height, vertices)
 
 
 def _figure(p: np.ndarray, plumpness: float) -> np.ndarray:
     """Signed distance (nearly) to the cub at points (..., 3): negative inside."""
-    q = p.copy()
-    q[..., 0] = np.abs(q[..., 0])  # left and right are the same
+    q = mirrored(p)
     body = ellipsoid(p, (0.0, 0.30, 0.0), np.array([0.25, 0.29, 0.23]) * plumpness)
     parts = [
         (ellipsoid(p, (0.0, 0.76, 0.03), (0.27, 0.235, 0.235)), 0.06),  # head
@@ -48,20 +42,9 @@ def _figure(p: np.ndarray, plumpness: float) -> np.ndarray:
         (ellipsoid(q, (0.275, 0.115, 0.42), (0.105, 0.125, 0.07)), 0.03),  # feet, soles forward
         (ellipsoid(p, (0.0, 0.16, -0.25), (0.085, 0.085, 0.085)), 0.03),  # tail
     ]
-    for part, blend in parts:
-        body = join(body, part, blend)
     hollows = [
         (ellipsoid(q, (0.215, 0.975, 0.062), (0.058, 0.062, 0.030)), 0.02),  # inside of the ears
         (ellipsoid(p, (0.0, 0.27, 0.245), (0.022, 0.022, 0.03)), 0.015),  # navel
-        (_smile(q), 0.02),
+        (groove(q, [(0.0, 0.651, 0.344), (0.052, 0.660, 0.333), (0.100, 0.690, 0.302)], 0.014), 0.02),  # smile
     ]
-    for hollow, blend in hollows:
-        body = -join(-body, hollow, blend)
-    return body
-
-
-def _smile(q: np.ndarray) -> np.ndarray:
-    """A groove across the muzzle, its ends drawn up."""
-    points = [(0.0, 0.651, 0.344), (0.052, 0.660, 0.333), (0.100, 0.690, 0.302)]
-    first, second = (capsule(q, a, b, 0.014) for a, b in zip(points[:-1], points[1:], strict=True))
-    return np.minimum(first, second)
+    return shaped(body, parts, hollows)

@@ -2,13 +2,12 @@
 them.
 """
 
-from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from .geometry import Surface
-from .implicit import capsule, contoured, ellipsoid, join
+from .implicit import capsule, ellipsoid, figurine, groove, mirrored, shaped
 
 
 def bunny(height: float = 1.0, vertices: int = 4000) -> Surface:
@@ -16,7 +15,7 @@ def bunny(height: float = 1.0, vertices: int = 4000) -> Surface:
 
     `vertices` of the surface, about.
     """
-    return _figurine(_bunny, ((-0.40, 0.40), (-0.06, 1.10), (-0.45, 0.50)), height, vertices)
+    return figurine(_bunny, ((-0.40, 0.40), (-0.06, 1.10), (-0.45, 0.50)), height, vertices)
 
 
 @lru_cache(maxsize=4)  # a second to make: a process that runs many variations of a scene makes it once
@@ -25,22 +24,11 @@ def frog(height: float = 0.6, vertices: int = 4000) -> Surface:
 
     `vertices` of the surface, about.
     """
-    return _figurine(_frog, ((-0.68, 0.68), (-0.06, 0.80), (-0.60, 0.62)), height, vertices)
-
-
-def _figurine(
-    figure: Callable[[np.ndarray], np.ndarray], box: Sequence[tuple[float, float]], height: float, vertices: int
-) -> Surface:
-    """The contour of a signed distance within `box`, ((low, high), ...) along x, y, z, scaled to its height."""
-    h = 0.014  # grid cell of a figure about one unit tall
-    axes = [np.arange(low, high + h, h) for low, high in box]
-    points, triangles = contoured(figure(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)), axes, h, vertices)
-    points = points - [0.0, points[:, 1].min(), 0.0]
-    return Surface(points * (height / points[:, 1].max()), np.ascontiguousarray(triangles, dtype=np.int32))
+    return figurine(_frog, ((-0.68, 0.68), (-0.06, 0.80), (-0.60, 0.62)), height, vertices)
 
 
 def _bunny(p: np.ndarray) -> np.ndarray:
-    q = _mirrored(p)
+    q = mirrored(p)
     body = ellipsoid(p, (0.0, 0.26, -0.06), (0.225, 0.25, 0.27))
     parts = [
         (ellipsoid(p, (0.0, 0.33, 0.06), (0.16, 0.20, 0.16)), 0.08),  # chest
@@ -54,10 +42,8 @@ def _bunny(p: np.ndarray) -> np.ndarray:
         (capsule(q, (0.095, 0.30, 0.14), (0.080, 0.070, 0.240), 0.062), 0.04),  # forelegs
         (ellipsoid(p, (0.0, 0.20, -0.345), (0.095, 0.095, 0.085)), 0.02),  # tail
     ]
-    for part, blend in parts:
-        body = join(body, part, blend)
     hollow = capsule(q, (0.092, 0.74, 0.112), (0.135, 0.93, 0.092), 0.034)  # inside of the ears
-    return -join(-body, hollow, 0.03)
+    return shaped(body, parts, [(hollow, 0.03)])
 
 
 def _ear(q: np.ndarray) -> np.ndarray:
@@ -67,7 +53,7 @@ def _ear(q: np.ndarray) -> np.ndarray:
 
 
 def _frog(p: np.ndarray) -> np.ndarray:
-    q = _mirrored(p)
+    q = mirrored(p)
     body = ellipsoid(p, (0.0, 0.27, -0.04), (0.30, 0.24, 0.32))
     parts = [
         (ellipsoid(p, (0.0, 0.40, 0.14), (0.29, 0.185, 0.235)), 0.07),  # head
@@ -85,9 +71,7 @@ def _frog(p: np.ndarray) -> np.ndarray:
             for x, z in ((0.365, 0.39), (0.275, 0.43), (0.190, 0.40))
         ),  # fingers
     ]
-    for part, blend in parts:
-        body = join(body, part, blend)
-    return -join(-body, _grin(q), 0.02)
+    return shaped(body, parts, [(_grin(q), 0.02)])
 
 
 def _grin(q: np.ndarray) -> np.ndarray:
@@ -96,11 +80,4 @@ def _grin(q: np.ndarray) -> np.ndarray:
     y = 0.355 + 0.045 * (angles / angles[-1]) ** 2
     ring = np.sqrt(1.0 - ((y - 0.40) / 0.185) ** 2)
     points = np.column_stack([0.29 * ring * np.sin(angles), y, 0.14 + 0.235 * ring * np.cos(angles)])
-    return np.min([capsule(q, a, b, 0.016) for a, b in zip(points[:-1], points[1:], strict=True)], axis=0)
-
-
-def _mirrored(p: np.ndarray) -> np.ndarray:
-    """Left and right are the same."""
-    q = p.copy()
-    q[..., 0] = np.abs(q[..., 0])
-    return q
+    return groove(q, points, 0.016)
