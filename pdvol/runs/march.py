@@ -35,6 +35,16 @@ class Step:
 
     Attributes
     ----------
+    level : its number, 0 the coarsest
+    step : the number of the step, from 1
+    time : at its end [s]
+    positions : (n, d) [m]
+        At its end, in the input's order of vertices, as all arrays.
+    velocity : (n, d) [m/s]
+        At its end, as the integrator gives it.
+    forces : dict of (n, d) [N] by name
+        What each kind of term and inertia put on the vertices at its end. In the solver's tolerance they sum to zero,
+        but for vertices that a support holds: it gives minus the sum. Empty for levels above 0 of the method embedded.
     model : LevelModel
         The scene on the level.
     space : LevelSpace
@@ -43,43 +53,15 @@ class Step:
         Iterations, contacts, the smallest gap, energies, seconds and what else the log of a run has.
     """
 
+    level: int
+    step: int
+    time: float
+    positions: np.ndarray
+    velocity: np.ndarray
+    forces: dict[str, np.ndarray]
     model: LevelModel
     space: LevelSpace
     report: StepReport
-
-    @property
-    def level(self) -> int:
-        """Its number, 0 the coarsest."""
-        return self.report.level
-
-    @property
-    def step(self) -> int:
-        """The number of the step, from 1."""
-        return self.report.step
-
-    @property
-    def time(self) -> float:
-        """The time at its end [s]."""
-        return self.report.time
-
-    @property
-    def positions(self) -> np.ndarray:
-        """(n, d) [m] at its end, in the input's order of vertices, as all arrays."""
-        return self.report.positions
-
-    @property
-    def velocity(self) -> np.ndarray:
-        """(n, d) [m/s] at its end, as the integrator gives it."""
-        return self.report.velocity
-
-    @property
-    def forces(self) -> dict[str, np.ndarray]:
-        """(n, d) [N] by name: what each kind of term and inertia put on the vertices at its end.
-
-        In the solver's tolerance they sum to zero, but for vertices that a support holds: it gives minus the sum. Empty
-        for levels above 0 of the method embedded.
-        """
-        return self.report.forces
 
     def __repr__(self) -> str:
         return f"Step(level {self.level}, step {self.step}, t = {self.time:g} s)"
@@ -195,7 +177,8 @@ class March(Iterator[Step]):
                     array.flags.writeable = False
                 struck = report.struck > 0
                 pasts.append(advance(integrator, pasts[-1], report.positions, model.dt, anew(report.step), struck))
-                yield Step(model, space, report)
+                at = report.level, report.step, report.time, report.positions, report.velocity, report.forces
+                yield Step(*at, model, space, report)
             below = pasts
 
 
