@@ -161,10 +161,6 @@ def level_model(
     names = tuple(body.name for body in scene.bodies)
     start = start_positions(scene, mesh, level)
     springs = attachment_springs(scene, coarsest, start_positions(scene, coarsest, 0))
-    supports = []
-    for support in scene.supports:
-        mask, motion = supported_points(scene, support, mesh, level, start)
-        supports.append(HeldPoints(mask, start[mask], motion, support.release))
     everywhere = np.ones(len(mesh.points), dtype=bool)
     loads = (
         PlacedLoad(load, everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh))
@@ -178,7 +174,7 @@ def level_model(
         materials=materials,
         velocity=initial_velocity(scene, mesh, start),
         loads=tuple(loads),
-        supports=tuple(supports),
+        supports=tuple(supported_points(scene, support, mesh, level, start) for support in scene.supports),
         obstacles=tuple(obstacles),
         ground=ground_of(scene.supports, obstacles, scene.dt * scene.steps),
         contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),

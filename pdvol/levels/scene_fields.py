@@ -10,6 +10,7 @@ from pdvol.geometry.level_mesh import LevelMesh, boundary_facets, simplex_centre
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.muscles import cell_muscles
 from pdvol.levels.obstacles import motion_of
+from pdvol.levels.script import HeldPoints
 from pdvol.levels.start import start_positions
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.readers import read_shape
@@ -20,7 +21,6 @@ from pdvol.scene import (
     Impulse,
     Keyed,
     Load,
-    Motion,
     PointCache,
     PointForce,
     Pressure,
@@ -124,11 +124,9 @@ def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
     return chosen(f"a {type(chooser).__name__.lower()}'s `where`", where, points)
 
 
-def supported_points(
-    scene: Scene, support: Support, mesh: LevelMesh, level: int, start: np.ndarray
-) -> tuple[np.ndarray, Motion]:
-    """(n,) bool: the level's points that a support holds, and their motion from where they are at t = 0, `start` (n, d)
-    [m]; where a point cache moves them, those on the surface.
+def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int, start: np.ndarray) -> HeldPoints:
+    """The level's points that a support holds, which are at `start` (n, d) [m] at t = 0; where a point cache moves
+    them, those on the surface.
 
     Raises
     ------
@@ -146,7 +144,7 @@ def supported_points(
     motion = motion_of(support.motion, start[held], support_label(support, level))
     for time in motion_times(scene, support):
         moved(motion, start[held], time, "a support")
-    return held, motion
+    return HeldPoints(held, start[held], motion, support.release)
 
 
 def motion_times(scene: Scene, support: Support | None = None) -> list[float]:

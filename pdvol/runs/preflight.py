@@ -11,6 +11,7 @@ import resource
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -192,15 +193,8 @@ def _check_level(
     mesh = meshes[level]
     quality = mean_ratio(mesh.points, mesh.cells)
     worst = np.argsort(quality, kind="stable")[:NAMED_CELLS]
-    edge = _shortest_edge(mesh)
     entry: dict[str, Any] = {
-        "level": level,
-        "vertices": len(mesh.points),
-        "cells": len(mesh.cells),
-        "surface_vertices": len(np.unique(mesh.boundary)),
-        "volume": float(mesh.volumes.sum()),
-        "smallest_cell": float(mesh.volumes.min()),
-        "shortest_edge": edge,
+        **level_sizes(mesh, level),
         "worst_cells": [
             {"cell": int(c), "body": scene.bodies[mesh.bodies[c]].name, "quality": float(quality[c])} for c in worst
         ],
@@ -221,7 +215,7 @@ def _check_level(
         entry["defects"] = [str(d.error) for d in defects]
         begun = started(scene, mesh, level)
         speed = float(np.linalg.norm(initial_velocity(scene, mesh, begun.points), axis=1).max())
-        entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / edge
+        entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / entry["shortest_edge"]
         if scene.contact and not defects:
             dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
             gap, _ = smallest_gap(begun, obstacles, names, GAP_RANGE * dhat)
@@ -234,10 +228,26 @@ def _check_level(
     return entry, defects
 
 
-def _shortest_edge(mesh: LevelMesh) -> float:
-    corners = mesh.points[mesh.cells]
-    return float(
-        min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i in range(mesh.dim + 1) for j in range(i))
+def level_sizes(mesh: LevelMesh, level: int) -> dict[str, Any]:
+    """The level's number and how large its mesh and parts of it are [m]."""
+    corners, pairs = mesh.points[mesh.cells], combinations(range(mesh.dim + 1), 2)
+    return {
+        "level": level,
+        "vertices": len(mesh.points),
+        "cells": len(mesh.cells),
+        "surface_vertices": len(np.unique(mesh.boundary)),
+        "volume": float(mesh.volumes.sum()),
+        "smallest_cell": float(mesh.volumes.min()),
+        "shortest_edge": float(min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i, j in pairs)),
+    }
+
+
+def sizes_line(sizes: dict[str, Any]) -> str:
+    """What `level_sizes` gives, in one line."""
+    return (
+        f"level {sizes['level']}: {sizes['vertices']:,} vertices, {sizes['cells']:,} cells,"
+        f" {sizes['surface_vertices']:,} on the surface, volume {sizes['volume']:.4g}, smallest cell"
+        f" {sizes['smallest_cell']:.2g}, shortest edge {sizes['shortest_edge']:.3g} m"
     )
 
 
