@@ -305,13 +305,9 @@ class Contact:
     def _owned(self, u: Displacement, what: str = "displacements") -> np.ndarray:
         """(n_owned, d) this rank's rows of a function or a vector; `what` they are, for messages."""
         size = self._space.n_owned * self._space.dim
-        if isinstance(u, fem.Function):
-            dofmap = u.function_space.dofmap
-            values = u.x.array[: dofmap.index_map.size_local * dofmap.bs]
-        elif isinstance(u, PETSc.Vec):
-            values = u.array_r
-        else:
+        if not isinstance(u, fem.Function | PETSc.Vec):
             raise InputError(f"{what} are a dolfinx Function or a PETSc Vec, not {type(u).__name__}")
+        values = _vector_of(u).array_r
         if len(values) != size:
             raise InputError(f"{what} have {len(values)} values on this rank, the function space has {size}")
         if not self._space.reduce(bool(np.isfinite(values).all()), MPI.LAND):
@@ -328,13 +324,9 @@ class Contact:
 
     def _set(self, u: Displacement, x: Positions) -> None:
         """Sets displacements, and those of ghosts, to what leads to x. Collective."""
-        rows = (x.owned - self._rest).ravel()
-        if isinstance(u, fem.Function):
-            u.x.array[: len(rows)] = rows
-            u.x.scatter_forward()
-        else:
-            u.array_w[:] = rows
-            u.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+        vector = _vector_of(u)
+        vector.array_w[:] = (x.owned - self._rest).ravel()
+        vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
 
     def _started(self, u: Displacement) -> Positions:
         if not self._stepped:
@@ -373,3 +365,7 @@ class Contact:
                 f"surfaces cross at t = {time:g} s in {len(crossing)} places (edges of: {whose}); move them apart",
                 pairs=[tuple(pair) for pair in crossing],
             )
+
+
+def _vector_of(u: Displacement) -> PETSc.Vec:
+    return u.x.petsc_vec if isinstance(u, fem.Function) else u
