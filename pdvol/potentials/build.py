@@ -15,13 +15,13 @@ from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import load_terms
 from pdvol.potentials.muscles import ActiveFibres
-from pdvol.potentials.potential import Potential
+from pdvol.potentials.potential import Term
 
 if TYPE_CHECKING:  # a scene without contact loads none of it
     from pdvol.potentials.contact.barrier import ContactBarrier
     from pdvol.potentials.contact.friction import LaggedFriction
 
-MakeTerm = Callable[[LevelModel, LevelSpace], Potential]
+MakeTerm = Callable[[LevelModel, LevelSpace], Term]
 """What makes a term of a user's own on a level; a class whose instances it takes, or a function. Collective."""
 
 
@@ -37,7 +37,7 @@ class Terms:
     """
 
     mass: np.ndarray
-    potentials: tuple[Potential, ...]
+    potentials: tuple[Term, ...]
     contacts: tuple["ContactBarrier", ...] = ()
     frictions: tuple["LaggedFriction", ...] = ()
 

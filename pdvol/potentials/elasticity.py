@@ -2,14 +2,13 @@
 and one that keeps the cells of smoothed elements from inverting. Cells do not invert.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
 from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-import ufl
 
 from pdvol.compiled import pointer
 from pdvol.errors import InputError
@@ -18,7 +17,7 @@ from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
 from pdvol.native import library
-from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, Values
+from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, Values, entries_of, matrix_of
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
@@ -125,17 +124,14 @@ class Damping(CellEnergy):
         self._viscosity = {name: materials.damping * values for name, values in _lame(materials).items()}
         domains = Domains(space, materials.damping > 0.0, materials.smoothing)
 
-        def matrix(name: str, entries: Mapping[str, Any]) -> Any:
-            return ufl.as_matrix([[entries[_entry(name, *sorted((i, j)))] for j in range(d)] for i in range(d)])
+        def psi(F: Any, mu: Any, lmbda: Any, growth: Any, **given: Any) -> Any:
+            return kelvin_voigt(F, mu, lmbda, matrix_of("c", given, d), growth, matrix_of("m", given, d))
 
-        def psi(F: Any, mu: Any, lmbda: Any, growth: Any, **entries: Any) -> Any:
-            return kelvin_voigt(F, mu, lmbda, matrix("c", entries), growth, matrix("m", entries))
-
-        def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, growth: Any, **entries: Any) -> Any:
-            return kelvin_voigt_model(F, v, w, mu, lmbda, matrix("m", entries))
+        def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, growth: Any, **given: Any) -> Any:
+            return kelvin_voigt_model(F, v, w, mu, lmbda, matrix_of("m", given, d))
 
         ones, still = np.ones(len(space.mesh.cells)), np.broadcast_to(np.eye(d), (len(space.mesh.cells), d, d))
-        start = {"growth": 0.0 * ones, **_entries("c", still), **_entries("m", still)}
+        start = {"growth": 0.0 * ones, **entries_of("c", still), **entries_of("m", still)}
         super().__init__(space, Density(psi, model), {**self._viscosity, **start}, domains, "damping")
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
@@ -150,7 +146,7 @@ class Damping(CellEnergy):
         C = rates.start(self._start, before.__getitem__)
         growth = rates.start(_growth(self._start), lambda e: _growth(before[e]))
         self.set_parameters({name: self._now * values / rates.duration for name, values in self._viscosity.items()})
-        self.fill({"growth": growth, **_entries("c", C), **_entries("m", self._metrics(rates))})
+        self.fill({"growth": growth, **entries_of("c", C), **entries_of("m", self._metrics(rates))})
 
     def _metrics(self, rates: Rates) -> np.ndarray:
         """(count, d, d) those of the stretches at the step's end, if all goes on as from the state before to its start;
@@ -180,16 +176,6 @@ def _squared_volume(C: np.ndarray) -> np.ndarray:
 def _growth(C: np.ndarray) -> np.ndarray:
     """ln |det F| (count,) of C = F'F (count, d, d)."""
     return 0.5 * np.log(_squared_volume(C))
-
-
-def _entry(name: str, i: int, j: int) -> str:
-    return f"{name}{i}{j}"
-
-
-def _entries(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """The entries (n,) of symmetric matrices (n, d, d), by their names."""
-    pairs = combinations_with_replacement(range(values.shape[1]), 2)
-    return {_entry(name, i, j): values[:, i, j] for i, j in pairs}
 
 
 def _lame(materials: CellMaterials) -> dict[str, np.ndarray]:

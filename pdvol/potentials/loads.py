@@ -9,7 +9,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
 from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import Positions, Potential, Term
+from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Pressure, at_time
 
 
@@ -37,12 +37,12 @@ class DeadLoad(Term):
         return -self.force
 
 
-def load_terms(loads: Sequence[PlacedLoad], space: LevelSpace, mass: np.ndarray) -> tuple[Potential, ...]:
+def load_terms(loads: Sequence[PlacedLoad], space: LevelSpace, mass: np.ndarray) -> tuple[Term, ...]:
     """The terms of a level's loads, with masses (n_owned, d). Collective."""
     return tuple(_load_term(placed.load, placed.mask, space, mass[:, 0]) for placed in loads)
 
 
-def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, mass: np.ndarray) -> Potential:
+def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, mass: np.ndarray) -> Term:
     mesh, d = space.mesh, space.dim
     if isinstance(load, Flow):
         from pdvol.potentials.drag import Drag

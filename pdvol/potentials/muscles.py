@@ -1,15 +1,13 @@
 """Muscles as terms: forms/muscles.py over the cells of each, with the tension of the end of the step."""
 
-from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-import ufl
 
 from pdvol.forms.muscles import active_fibres
 from pdvol.levels.muscles import CellMuscle
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.cell_energy import CellEnergy, Density
+from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, entries_of, matrix_of
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.potential import Positions
 
@@ -27,12 +25,10 @@ class ActiveFibres(CellEnergy):
 
     def __init__(self, space: LevelSpace, muscle: CellMuscle, smoothing: np.ndarray | None = None):
         d, m = space.dim, len(space.mesh.cells)
-        self._muscle, self._count = muscle, m
-        self._pairs = tuple(combinations_with_replacement(range(d), 2))
+        self._muscle, self._shape = muscle, (m, d, d)
 
         def psi(F: Any, **tension: Any) -> Any:
-            entry = lambda i, j: tension[_entry(min(i, j), max(i, j))]
-            return active_fibres(F, ufl.as_matrix([[entry(i, j) for j in range(d)] for i in range(d)]))
+            return active_fibres(F, matrix_of("tension", tension, d))
 
         domains = Domains(space, np.isin(np.arange(m), muscle.cells), smoothing)
         law, none = Density(psi, isotropic=False), self._tensions(np.zeros(len(muscle.cells)))
@@ -42,17 +38,11 @@ class ActiveFibres(CellEnergy):
 
     def _tensions(self, tension: np.ndarray) -> dict[str, np.ndarray]:
         """The entries (m,) of tension f f' [Pa] for a tension (k,) of the muscle's cells."""
-        fibres, entries = self._muscle.fibres, {}
-        for i, j in self._pairs:
-            entries[_entry(i, j)] = np.zeros(self._count)
-            entries[_entry(i, j)][self._muscle.cells] = tension * fibres[:, i] * fibres[:, j]
-        return entries
+        fibres, found = self._muscle.fibres, np.zeros(self._shape)
+        found[self._muscle.cells] = (tension[:, None] * fibres)[:, :, None] * fibres[:, None, :]
+        return entries_of("tension", found)
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         # Every rank asks for all cells, so that a function that fails does so on all ranks.
         tension = self._muscle.muscle.tension(t1, self._muscle.places)
         self.set_parameters(self._tensions(tension))
-
-
-def _entry(i: int, j: int) -> str:
-    return f"tension{i}{j}"

@@ -18,7 +18,7 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import end_all, on_root
 from pdvol.potentials.build import MakeTerm
-from pdvol.potentials.potential import Positions, Potential, Term
+from pdvol.potentials.potential import Positions, Term
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.preparation import prepared_levels
 from pdvol.runs.runner import check_choices
@@ -185,7 +185,7 @@ class March(Iterator[Step]):
 def _tried(make: MakeTerm, start: np.ndarray) -> MakeTerm:
     """The same, with each term evaluated once at positions (n, d) [m]: InputError where it is unfit."""
 
-    def make_and_try(model: LevelModel, space: LevelSpace) -> Potential:
+    def make_and_try(model: LevelModel, space: LevelSpace) -> Term:
         term = make(model, space)
         require(isinstance(term, Term), f"march: {make!r} gave a {type(term).__name__}, not a pdvol.Term")
         x = Positions(space, space.from_input(start))

@@ -64,7 +64,7 @@ def continuity_of_level(
             predicted = integrator.predict(led(now, coarse(number - 1), prolongation), run.dt)
             change = mean_of_forces(integrator, coarse, number, run.dt)
             predicted = predicted if change is None else predicted + prolongation.prolong(change)
-        pushes = (each.push(number - 1, now) for each in feedback)
+        pushes = (push(number - 1, now) for push in feedback)
         values.append(metrics.continuity(own, sum(pushes, start=predicted), after, pull, masses, guided))
     return {"continuity": values, "continuity_error": errors}
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.compiled import ffi, pointer
+from pdvol.geometry.crossings import counted_edges
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.script import Mover, Obstacle, Script
 from pdvol.levels.space import Collected, LevelSpace
@@ -178,12 +179,12 @@ class Primitives:
         self.objects, self.facets = objects.astype(np.int64), np.ascontiguousarray(facets, dtype=np.int32)
         n, d = len(vertices), self.d
         if d == 3:
-            corners = self.facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-            edges, of_facets = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+            edges, of_facets, _ = counted_edges(self.facets)
             self.edges, facet_edges = edges.astype(np.int32), of_facets.reshape(-1, 3)
         else:
             self.edges, facet_edges = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 3), dtype=np.int64)
-        self.lines, self.triangles = (self.edges, self.facets) if d == 3 else (self.facets, np.zeros((0, 3), np.int32))
+        self.lines = self.edges if d == 3 else self.facets
+        self.triangles = self.facets if d == 3 else np.zeros((0, 3), np.int32)
         lengths = np.linalg.norm(vertices[self.lines[:, 1]] - vertices[self.lines[:, 0]], axis=1)
         of = self.objects[self.lines[:, 0]]
         self.edge_length = float(np.median(lengths[of < bodies])) if (of < bodies).any() else 0.0
