@@ -172,9 +172,9 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
         check_laws(scene, mesh.dim)
         cell_muscles(scene, mesh)
         if scene.attachments or scene.pulls or scene.hand:
-            from pdvol.levels.attachments import Pulls, attachment_springs  # it loads search trees and finite elements
+            from pdvol.levels.attachments import Pulls, bound_springs  # it loads search trees and finite elements
 
-            attachment_springs(scene, mesh, start)
+            bound_springs(scene, mesh, start, mesh, start)
             Pulls(scene, mesh, mesh).check()
         cell_materials(scene, mesh)
     for support in scene.supports:

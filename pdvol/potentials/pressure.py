@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.closed_surfaces import enclosed_volume, volume_gradient
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
@@ -51,16 +51,7 @@ class EnclosedPressure(Term):
         return -self.pressure * enclosed_volume(x.whole, self.facets)
 
     def gradient(self, x: Positions) -> np.ndarray:
-        forces = np.zeros_like(x.whole)
-        corners = x.whole[self.facets]
-        if self.space.dim == 2:
-            along = corners[:, 1] - corners[:, 0]
-            vectors = np.column_stack([along[:, 1], -along[:, 0]]) / 2
-        else:
-            vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 6
-        for corner in self.facets.T:
-            np.add.at(forces, corner, vectors)
-        return -self.pressure * self.space.from_input(forces)
+        return -self.pressure * self.space.from_input(volume_gradient(x.whole, self.facets))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         across, sizes = self._edge_blocks(x)

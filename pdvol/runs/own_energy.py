@@ -17,7 +17,6 @@ from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.crossings import find_crossings
 from pdvol.integrate.scripted_motion import LEAST_GAIN
-from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import placed_obstacles, read_geometry
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
@@ -123,10 +122,10 @@ class Contact:
         unknown = {name for one, other, _ in triples for name in (one, other)} - {*names}
         if unknown:
             raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {names}")
-        models = contact_models(contact, self.bodies, self._obstacles, diagonal, float(young or 0.0))
-        self.dhat, self.kappa = models[0].dhat, models[0].kappa
-        contacts, frictions = contact_terms(models, self._obstacles, self._space)
+        softest = float(young or 0.0)
+        contacts, frictions = contact_terms(contact, names, self._obstacles, self._space, diagonal, softest)
         self._barrier = contacts[0]
+        self.dhat, self.kappa = self._barrier.dhat, self._barrier.kappa
         self._terms = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions)
         self._potential = IncrementalPotential(self._space, self._terms, Stopwatch())
 

@@ -218,17 +218,11 @@ def check_choices(scene: Scene, first: int, last: int, method: str, prolongation
 
 
 def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool, replace: bool) -> None:
+    require_free(out, go_on or replace)
     exists = holds_run(out)
-    require_free(out, exists)
-    if exists and replace:
-        count = len(read_info(out)["levels"])
-        if count > 1:
-            raise InputError(f"{out} holds a run of {count} levels; choose another folder for a preview with --out")
-        return
-    if exists and not go_on:
-        raise InputError(
-            f"{out} already holds a run; go on with it by --resume (resume=True), or choose another folder"
-        )
+    count = len(read_info(out)["levels"]) if exists and replace else 0
+    if count > 1:
+        raise InputError(f"{out} holds a run of {count} levels; choose another folder for a preview with --out")
     if first > 0 and not exists and method != "direct":
         raise InputError(
             f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with levels 0:{last}"
