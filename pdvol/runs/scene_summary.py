@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
+from pdvol.levels.function_check import shape_points
 from pdvol.levels.scene_fields import scene_diagonal
-from pdvol.meshes import Outline
-from pdvol.meshing.readers import read_shape
 from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import Barrier, Body, Friction, Keyed, Material, Pascal, Posed, Scene, metres
@@ -32,7 +31,7 @@ def modelled_terms(scene: Scene) -> list[str]:
     for kind in ("load", "muscle", "attachment", "pull", "support", "obstacle"):
         lines += [f"{kind}: {element}" for element in getattr(scene, f"{kind}s")]
     lines += [f"hand: {scene.hand.steps} steps"] if scene.hand else []
-    if _is_plane(scene):
+    if shape_points(scene.bodies[0]).shape[1] == 2:
         lines.append("dimension: 2, plane strain (per metre of depth)")
     diagonal = scene_diagonal(scene)
     lines += _contact(scene, diagonal)
@@ -95,9 +94,3 @@ def _material(material: Material) -> str:
         f"{type(material).__name__}, young {number(material.young)} Pa, poisson {number(material.poisson)}, "
         f"density {number(material.density)} kg/m^3{extra}{damping}"
     )
-
-
-def _is_plane(scene: Scene) -> bool:
-    shape = scene.bodies[0].shape
-    shape = read_shape(shape[0] if isinstance(shape, (tuple, list)) else shape)
-    return isinstance(shape, Outline) or shape.vertices.shape[1] == 2
