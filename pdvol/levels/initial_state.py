@@ -25,28 +25,6 @@ MEND = "move them apart, or give more vertices to coarse levels"
 MEND_LEVEL = "on level {free} they are apart: give level {level} more vertices or a mesh of its own, or move them apart"
 
 
-def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> None:
-    """Raise unless every level of a scene with contact is free of intersections at t = 0. Serial.
-
-    Parameters
-    ----------
-    level_meshes : the levels, coarsest first, with their points where they are at t = 0 (`started`)
-    obstacles : of the scene
-    bodies : their names
-
-    Raises
-    ------
-    IntersectionError
-        Names the level, the two bodies or obstacles, and example primitives; `pairs` has all of them. Edges and
-        triangles are given by their vertices, numbered as in the level's mesh or in the obstacle.
-    InputError
-        An obstacle's dimension is not the bodies'.
-    """
-    for level, mesh in enumerate(level_meshes):
-        for defect in find_defects(level, mesh, obstacles, bodies, level_meshes):
-            raise defect.error
-
-
 @dataclass(frozen=True, eq=False)
 class Defect:
     """What stops a run on a level: mostly something that crosses, touches or contains another at t = 0.
@@ -78,9 +56,17 @@ def find_defects(
     bodies: Sequence[str],
     level_meshes: Sequence[LevelMesh] = (),
 ) -> Iterator[Defect]:
-    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`.
+    """What crosses, touches or contains another on a level of a scene with contact at t = 0, found one after the other.
+    Serial. An error names the level, the two bodies or obstacles, and example primitives; its `pairs` has all of them,
+    by their vertices, numbered as in the level's mesh or in the obstacle. Raises InputError where an obstacle's
+    dimension is not the bodies'.
 
-    Where the finest of `level_meshes` keeps apart what meets on this level, the errors say so.
+    Parameters
+    ----------
+    mesh : of the level, with its points where they are at t = 0 (`started`)
+    obstacles : of the scene
+    bodies : their names
+    level_meshes : all levels, coarsest first; where the finest keeps apart what meets on this level, errors say so
     """
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
@@ -126,7 +112,7 @@ def count_intersections(
     Parameters
     ----------
     positions : (n, d) [m]
-    obstacles, bodies : as `check_start` takes them
+    obstacles, bodies : as `find_defects` takes them
     places : of the obstacles, each a `Place`
     """
     behind = sum(int(np.sum(_heights(positions, plane, places[plane]) <= 0.0)) for plane in _planes(obstacles))

@@ -8,6 +8,7 @@ from mpi4py import MPI
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.initial_state import find_defects
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import LevelModel, level_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -86,3 +87,11 @@ def tetrahedron(vertices):
     """A rigid tetrahedron's geometry, as `make_model` takes it."""
     edges = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
     return np.asarray(vertices, dtype=float), edges, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def check_start(levels, scene):
+    """Raises the first defect of some level of a scene at t = 0."""
+    obstacles, names = placed_obstacles(scene.obstacles), [body.name for body in scene.bodies]
+    for number, mesh in enumerate(levels):
+        for defect in find_defects(number, mesh, obstacles, names, levels):
+            raise defect.error
