@@ -7,7 +7,6 @@ from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import find_defects
-from pdvol.levels.obstacles import placed_obstacles
 from pdvol.meshes import Solid
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
 from problems import check_start
@@ -129,11 +128,6 @@ def test_planes(dim):
     refuse("at or below", one, scene(dim, 1, Plane((0.0,) * dim, up)))
     with pytest.raises(InputError, match="give . components"):
         check_start(one, scene(dim, 1, Plane((0.0,) * (5 - dim), tuple(np.eye(5 - dim)[1]))))
-
-
-def test_an_obstacle_mesh_for_each_rigid():
-    with pytest.raises(InputError, match="give one for each"):
-        placed_obstacles(scene(2, 1, Rigid(shape=meshes.disc())).obstacles, [])
 
 
 def test_what_touches_does_not_depend_on_what_is_far_away():

@@ -19,6 +19,7 @@ from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.script import Mover, Obstacle, Script
 from pdvol.levels.space import Collected, LevelSpace
 from pdvol.native import library
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
@@ -123,6 +124,10 @@ class ContactSurface:
     def of_bodies(self, rows: np.ndarray) -> np.ndarray:
         """(k, d) values of the bodies' vertices, from this rank's rows (n_owned, d) of the level. Collective."""
         return rows[self._own_rows] if self.space.comm.size == 1 else self._collected(rows[self._own_rows])
+
+    def add_blocks(self, into: HessianBlocks, loop: str, count: int, *arguments: object) -> None:
+        """Adds the blocks that a compiled loop finds for so many contacts, ten for each at most."""
+        into.add_compiled(getattr(library[self.space.dim], loop), 10 * count, self.rows, *arguments)
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
         """(n_owned, d) rows of the level from values (n, d) of the surface; zero away from it."""
