@@ -40,15 +40,6 @@ class Defect:
     primitives: list[np.ndarray]
 
 
-@dataclass(frozen=True)
-class Gap:
-    """The nearest two primitives: distance [m], and both in words."""
-
-    distance: float
-    one: str
-    other: str
-
-
 def find_defects(
     level: int,
     mesh: LevelMesh,
@@ -84,18 +75,19 @@ def find_defects(
 
 def smallest_gap(
     mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str], reach: float
-) -> tuple[Gap | None, int]:
-    """The smallest gap at t = 0 up to `reach` [m], if there is one, and how many pairs of primitives are that near.
-    Nothing may cross.
+) -> tuple[dict[str, Any] | None, int]:
+    """The smallest gap at t = 0 up to `reach` [m], if there is one: its `distance` [m] and both primitives in words,
+    `one` and `other`; and how many pairs of primitives are that near. Nothing may cross.
     """
     gap, count = _Boundaries(mesh, obstacles, bodies).gap(reach)
     for plane in _planes(obstacles):
         height = _heights(mesh.points, plane)
         nearest = int(np.argmin(height))
         count += int((height < reach).sum())
-        if height[nearest] < (reach if gap is None else gap.distance):
+        if height[nearest] < (reach if gap is None else gap["distance"]):
             body = bodies[mesh.point_bodies[nearest]]
-            gap = Gap(float(height[nearest]), f"vertex {nearest} of body {body!r}", plane.label)
+            one = f"vertex {nearest} of body {body!r}"
+            gap = {"distance": float(height[nearest]), "one": one, "other": plane.label}
     return gap, count
 
 
@@ -248,8 +240,8 @@ class _Boundaries:
         if len(touching):
             yield self._defect(level, "touches", apart, [([a], [b]) for a, b in touching])
 
-    def gap(self, reach: float) -> tuple[Gap | None, int]:
-        """The nearest two primitives up to `reach` [m], and how many pairs are that near."""
+    def gap(self, reach: float) -> tuple[dict[str, Any] | None, int]:
+        """As `smallest_gap`, of the boundaries alone."""
         import ipctk
 
         vertices, edges, faces = fortran(self.points, self.edges, self.faces)
@@ -266,7 +258,7 @@ class _Boundaries:
         one, other = (
             f"{WORDS[len(part)]} {self._numbers(part)} of {self._whose(part[0])}" for part in (ids[:first], ids[first:])
         )
-        return Gap(float(np.sqrt(squares[k])), one, other), len(near)
+        return {"distance": float(np.sqrt(squares[k])), "one": one, "other": other}, len(near)
 
     def _numbers(self, vertices: Iterable[int]) -> tuple[int, ...]:
         return tuple(int(self.labels[v]) for v in vertices)

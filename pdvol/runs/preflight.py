@@ -220,8 +220,7 @@ def _check_level(
             dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
             gap, _ = smallest_gap(begun, obstacles, names, GAP_RANGE * dhat)
             if gap is not None:
-                dhats = gap.distance / dhat
-                entry["smallest_gap"] = {"distance": gap.distance, "one": gap.one, "other": gap.other, "dhats": dhats}
+                entry["smallest_gap"] = {**gap, "dhats": gap["distance"] / dhat}
                 entry["near_pairs"] = smallest_gap(begun, obstacles, names, dhat)[1]
     except InputError as error:
         entry["defects"] = entry["defects"] or [str(error)]

@@ -14,11 +14,12 @@ never times: runs repeat to the last bit.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from itertools import count
-from weakref import proxy
+from types import SimpleNamespace
 
 from pdvol.compat import PETSc
 from pdvol.errors import SimulationError
 from pdvol.scene import Solver
+from pdvol.solve.callbacks import weakly
 from pdvol.solve.linear.coarse_space import CoarseSpace
 from pdvol.solve.linear.gradients import ConjugateGradients
 from pdvol.solve.linear.petsc_methods import MUMPS_WORKSPACES, PetscMethods, set_options
@@ -70,7 +71,8 @@ class LinearSolver:
         self._failures = 0  # of conjugate gradients in a row, in this step
         self._first_method = "iterative" if settings.linear == "auto" else settings.linear
         ksp.setType(PETSc.KSP.Type.PYTHON)
-        ksp.setPythonContext(_Context(proxy(self), timed))  # PETSc keeps the context: see `callbacks.weakly`
+        self._timed = timed
+        ksp.setPythonContext(SimpleNamespace(solve=weakly(self._solve_ksp)))
         ksp.pc.setType(PETSc.PC.Type.NONE)
         prefix = f"pdvol_{next(_serial)}_"
         for solver in (ksp, self.petsc.ksp):
@@ -147,6 +149,13 @@ class LinearSolver:
         if self.ksp.getConvergedReason() < 0:
             raise SimulationError(f"the linear solve failed (PETSc's reason {self.ksp.getConvergedReason()})")
         self.note_iterations(self.ksp.getIterationNumber())
+
+    def _solve_ksp(self, ksp: PETSc.KSP, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """What PETSc calls to solve by `ksp`. Collective."""
+        with self._timed():
+            reason, iterations = self.solve_once(right, solution, ksp.getInitialGuessNonzero())
+        ksp.setIterationNumber(iterations)
+        ksp.setConvergedReason(reason)
 
     def solve_once(self, right: PETSc.Vec, solution: PETSc.Vec, near: bool = False) -> tuple[int, int]:
         """One try by the present method: PETSc's reason, and the number of iterations. The compiled one begins at
@@ -229,16 +238,3 @@ class LinearSolver:
     def found_indefinite(self) -> bool:
         """Whether the last solve was direct and met negative pivots. Collective."""
         return self.method == "direct" and self.detects_indefinite and self.petsc.negative_pivots > 0
-
-
-class _Context:
-    """What PETSc calls for a KSP of type python."""
-
-    def __init__(self, solver: LinearSolver, timed: Callable[[], AbstractContextManager[None]]):
-        self._solver, self._timed = solver, timed
-
-    def solve(self, ksp: PETSc.KSP, right: PETSc.Vec, solution: PETSc.Vec) -> None:
-        with self._timed():
-            reason, iterations = self._solver.solve_once(right, solution, ksp.getInitialGuessNonzero())
-        ksp.setIterationNumber(iterations)
-        ksp.setConvergedReason(reason)
