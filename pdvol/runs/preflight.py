@@ -47,7 +47,7 @@ from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.runs.separation import build_apart
 from pdvol.scene import Barrier, Scene, Support, metres
-from pdvol.solve.linear.option_check import check_options
+from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.stages import say, stage
 
 SAME_AREA = 1.1

@@ -34,7 +34,7 @@ from pdvol.runs.stored_fields import exported
 from pdvol.scene import Hand, Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.scene.hand import same_up_to
-from pdvol.solve.linear.option_check import check_options
+from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
 from pdvol.store.folder import RECORD, holds_run, in_use, read_info, require_free, require_scene
