@@ -10,8 +10,8 @@ from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.loads import EnclosedPressure
 from pdvol.potentials.potential import Positions
-from pdvol.potentials.pressure import EnclosedPressure
 from pdvol.scene import NeoHookean, Pressure, Solver, Support
 from problems import SOFT, make_scene, make_stepper, take_step
 from shapes import box, level, together
