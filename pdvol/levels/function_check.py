@@ -38,7 +38,7 @@ def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
                 X = of(body_name)
                 called(name, function, (X.copy(),), X.shape if gives else X.shape[:1])
         for muscle in scene.muscles:
-            if callable(muscle.activation) and not isinstance(muscle.activation, Keyed):
+            if callable(muscle.activation):
                 X = of(muscle.body)
                 both = fits(muscle.activation, 2)
                 arguments, shape = ((0.0, X.copy()), X.shape[:1]) if both else ((0.0,), ())

@@ -12,8 +12,7 @@ import numpy as np
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import BoundSprings, Pulls, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.materials import CellMaterials, level_materials
-from pdvol.levels.muscles import CellMuscle, level_muscles
+from pdvol.levels.materials import CellMaterials, CellMuscle, level_materials, level_muscles
 from pdvol.levels.obstacles import ground_of
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle

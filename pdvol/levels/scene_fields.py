@@ -7,8 +7,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets, simplex_centres
-from pdvol.levels.materials import cell_materials, check_laws
-from pdvol.levels.muscles import cell_muscles
+from pdvol.levels.materials import cell_materials, cell_muscles, check_laws
 from pdvol.levels.obstacles import motion_of
 from pdvol.levels.script import HeldPoints
 from pdvol.levels.start import start_positions

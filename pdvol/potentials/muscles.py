@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.forms.muscles import active_fibres
-from pdvol.levels.muscles import CellMuscle
+from pdvol.levels.materials import CellMuscle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, entries_of, matrix_of
 from pdvol.potentials.assembly.domains import Domains

@@ -301,16 +301,8 @@ class Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a stored run for reading, also while it is being written.
-
-    Parameters
-    ----------
-    path : folder of a run
-
-    Returns
-    -------
-    Run
-        Its arrays are read when they are needed.
+    """Open the folder of a stored run for reading, also while it is being written. Arrays are read when they are
+    needed.
 
     Raises
     ------

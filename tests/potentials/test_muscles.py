@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.muscles import cell_muscles, level_muscles
+from pdvol.levels.materials import cell_muscles, level_muscles
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.muscles import ActiveFibres
