@@ -56,7 +56,6 @@ class ScriptedMotion:
 
     Parameters
     ----------
-    space : LevelSpace
     script : that of the terms
     start : (n, d) [m]
         Where vertices are that nothing holds: `positions` has them there.
@@ -266,9 +265,6 @@ class MotionParts:
 
     Attributes
     ----------
-    motion : ScriptedMotion
-    potential : IncrementalPotential
-    newton : Newton
     count : called after every solve
     """
 

@@ -151,7 +151,6 @@ class Pulls:
 
     Parameters
     ----------
-    scene : Scene
     coarsest, mesh : of the coarsest level, on which patches are chosen, and of this one
     """
 

@@ -29,7 +29,6 @@ class Hierarchy:
     ----------
     level_meshes : sequence of LevelMesh
         Coarsest first; at least one.
-    comm : MPI.Comm
     interpolant : str
         A name in `pdvol.registry.INTERPOLANTS`.
     places : (n, d) [m]

@@ -123,7 +123,6 @@ class CellMuscle:
 
     Attributes
     ----------
-    muscle : Muscle
     cells : (k,) int64, ascending, in the input's order
     places : (k, d) [m]
         Where its functions are evaluated: centres of the coarsest level's cells.

@@ -33,7 +33,6 @@ class Obstacle:
 
     Attributes
     ----------
-    name : str
     kind : "plane", "mesh" (a surface in 3D) or "polyline" (in 2D)
     vertices : (k, d) [m]
         At rest. Of a plane: a point on it, and from there the ends of its unit normal and of d - 1 unit tangents.

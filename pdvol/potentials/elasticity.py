@@ -85,11 +85,6 @@ class CellGuard(Elastic):
 
     It is the volume barrier of laws that give way (forms/elasticity.py), in each cell by itself: zero above a tenth of
     the cell's volume, so that it changes nothing else.
-
-    Parameters
-    ----------
-    space : LevelSpace
-    materials : CellMaterials
     """
 
     def __init__(self, space: LevelSpace, materials: CellMaterials, shares: Shares | None = None):
@@ -114,8 +109,6 @@ class Damping(CellEnergy):
 
     Parameters
     ----------
-    space : LevelSpace
-    materials : CellMaterials
     shares : as `Elastic` has it
     """
 

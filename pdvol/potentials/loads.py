@@ -55,7 +55,6 @@ class Drag(Term):
 
     Parameters
     ----------
-    space : LevelSpace
     felt : (n,) bool, points of the level, in the input's order, on which it may act; it does not act on those inside
         bodies
     velocity : (positions (k, d), time) -> (k, d) [m/s]
@@ -117,7 +116,6 @@ class EnclosedPressure(Term):
 
     Parameters
     ----------
-    space : LevelSpace
     facets : (k, d) int64, closed, with what is under pressure behind them
     pressure : time [s] -> [Pa]
     """

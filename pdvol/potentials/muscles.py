@@ -17,8 +17,6 @@ class ActiveFibres(CellEnergy):
 
     Parameters
     ----------
-    space : LevelSpace
-    muscle : CellMuscle
     smoothing : (m,) int, optional
         As `Domains` takes it.
     """

@@ -70,7 +70,6 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
 
     Parameters
     ----------
-    scene : Scene
     seconds : how long level 0 may be simulated to estimate the levels' cost [s]; 0: not at all
     out : folder for `level_<l>.vtu` (at t = 0; cells' `quality`, at rest; points' `defect`) and `defects_<l>.vtu` (the
         primitives of each defect), or for `defects.vtu` where a shape is at fault; none is written if None

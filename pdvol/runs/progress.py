@@ -28,7 +28,6 @@ class Progress:
 
     Parameters
     ----------
-    level : int
     total : int
         Steps of the whole level.
     done : int

@@ -60,11 +60,7 @@ class CellEnergy(Term):
 
     Parameters
     ----------
-    space : LevelSpace
-    density : Density
     parameters : mapping of names to arrays (m,), of the mesh's cells; a domain has the volume-weighted means
-    domains : Domains
-    name : str
 
     Attributes
     ----------

@@ -35,7 +35,6 @@ class ContactBarrier(Term):
 
     Parameters
     ----------
-    candidates : Candidates
     kappa : stiffness [Pa]
     """
 

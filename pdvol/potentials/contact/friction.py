@@ -31,7 +31,6 @@ class LaggedFriction(Term):
 
     Parameters
     ----------
-    barrier : ContactBarrier
     mu : coefficient of friction, or a symmetric matrix (objects, objects) of them between the surface's objects
     eps_v : sliding speed [m/s] below which friction is smoothed
 

@@ -34,7 +34,6 @@ class ContactSurface:
 
     Parameters
     ----------
-    space : LevelSpace
     obstacles : tuple of Obstacle
     script : of the obstacles' motions; all on time where not given
 

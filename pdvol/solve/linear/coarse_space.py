@@ -103,7 +103,6 @@ class CoarseSpace:
 
     Parameters
     ----------
-    space : LevelSpace
     weights : (n, m) sparse
         P of one component, rows in input order.
     supported : (n,) bool, in PETSc's block order

@@ -24,7 +24,6 @@ class Halo:
 
     Parameters
     ----------
-    space : LevelSpace
     system : linear_system *
     rows : BlockCsr
         This rank's rows, as `HessianBlocks.merged` gives them.

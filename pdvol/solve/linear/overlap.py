@@ -28,7 +28,6 @@ class Overlap:
 
     Parameters
     ----------
-    space : LevelSpace
     system : linear_system *
     halo : Halo
         Of the same matrix.

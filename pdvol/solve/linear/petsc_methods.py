@@ -26,7 +26,6 @@ class PetscMethods:
 
     Attributes
     ----------
-    ksp : PETSc.KSP
     options : the user's
     workspace : index in MUMPS_WORKSPACES of the one in use
     has_solved : whether a system was solved since `use`

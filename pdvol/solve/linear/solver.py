@@ -46,7 +46,6 @@ class LinearSolver:
     ----------
     ksp : PETSc.KSP
         Becomes one that solves by this object.
-    settings : Solver
     coarse, dense : as `ConjugateGradients` takes them
     timed : makes the context in which solves run, for a stopwatch
 

@@ -22,7 +22,6 @@ class SystemMatrix:
 
     Parameters
     ----------
-    space : LevelSpace
     supported : (n_owned,) bool
         Vertices whose rows and columns are the identity's.
     general : bool
