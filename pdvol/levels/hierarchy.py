@@ -27,10 +27,8 @@ class Hierarchy:
 
     Parameters
     ----------
-    level_meshes : sequence of LevelMesh
-        Coarsest first; at least one.
-    interpolant : str
-        A name in `pdvol.registry.INTERPOLANTS`.
+    level_meshes : coarsest first; at least one
+    interpolant : a name in `pdvol.registry.INTERPOLANTS`
     places : (n, d) [m]
         Positions of the finest level by which it is divided among the ranks.
 

@@ -39,10 +39,8 @@ class Obstacle:
     edges, faces : (e, 2) and (f, 3) int
         None of a plane; no faces in 2D.
     motion : (X, t) -> x
-    closed : bool
-        Whether a surface or polyline encloses a volume.
-    opacity : float
-        How pictures draw a surface, above 0 and at most 1.
+    closed : whether a surface or polyline encloses a volume
+    opacity : how pictures draw a surface, above 0 and at most 1
     """
 
     name: str

@@ -93,8 +93,7 @@ def run_scene(
 
     Parameters
     ----------
-    shot : Shot
-        From a file (`load_shot`), or made in memory.
+    shot : from a file (`load_shot`), or made in memory
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are
         kept
     first, last : levels, both included; the finest when `last` is None

@@ -130,8 +130,7 @@ class CoarseSpace:
 
         Parameters
         ----------
-        rows : BlockCsr
-            A of this rank's rows, as `HessianBlocks.merged` gives it.
+        rows : A of this rank's rows, as `HessianBlocks.merged` gives it
         """
         d, comm = self.space.dim, self.space.comm
         keys, sums = self._own_sum(rows)

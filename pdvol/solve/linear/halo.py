@@ -25,8 +25,7 @@ class Halo:
     Parameters
     ----------
     system : linear_system *
-    rows : BlockCsr
-        This rank's rows, as `HessianBlocks.merged` gives them.
+    rows : this rank's rows, as `HessianBlocks.merged` gives them
     last : the halo of the last matrix, whose memory is used again
 
     Attributes

@@ -29,8 +29,7 @@ class Overlap:
     Parameters
     ----------
     system : linear_system *
-    halo : Halo
-        Of the same matrix.
+    halo : of the same matrix
     last : the overlap of the last matrix, whose exchange is used again
 
     Attributes

@@ -44,8 +44,7 @@ class LinearSolver:
 
     Parameters
     ----------
-    ksp : PETSc.KSP
-        Becomes one that solves by this object.
+    ksp : becomes one that solves by this object
     coarse, dense : as `ConjugateGradients` takes them
     timed : makes the context in which solves run, for a stopwatch
 

@@ -24,8 +24,7 @@ class SystemMatrix:
     ----------
     supported : (n_owned,) bool
         Vertices whose rows and columns are the identity's.
-    general : bool
-        Whether `petsc` is a general AIJ matrix, which every preconditioner supports.
+    general : whether `petsc` is a general AIJ matrix, which every preconditioner supports
 
     Attributes
     ----------
