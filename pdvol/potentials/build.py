@@ -12,9 +12,8 @@ from pdvol.levels.script import Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments, Pulling
 from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.potentials.elasticity import elastic_terms
+from pdvol.potentials.elasticity import ActiveFibres, elastic_terms
 from pdvol.potentials.loads import load_terms
-from pdvol.potentials.muscles import ActiveFibres
 from pdvol.potentials.potential import Term
 from pdvol.scene import Barrier, Friction, metres
 

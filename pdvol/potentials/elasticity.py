@@ -1,5 +1,5 @@
 """Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, one for all damping,
-and one that keeps the cells of smoothed elements from inverting. Cells do not invert.
+one that keeps the cells of smoothed elements from inverting, and one per muscle. Cells do not invert.
 """
 
 from collections.abc import Callable
@@ -13,8 +13,9 @@ import numpy as np
 from pdvol.compiled import pointer
 from pdvol.errors import InputError
 from pdvol.forms.elasticity import GUARDED, volume_barrier
+from pdvol.forms.muscles import active_fibres
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
-from pdvol.levels.materials import CellMaterials
+from pdvol.levels.materials import CellMaterials, CellMuscle
 from pdvol.levels.space import LevelSpace
 from pdvol.native import library
 from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, Values, entries_of, matrix_of
@@ -190,3 +191,38 @@ def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEner
     if materials.damping.any():
         terms.append(Damping(space, materials, shares))
     return tuple(terms)
+
+
+class ActiveFibres(CellEnergy):
+    """One muscle: forms/muscles.py over its cells, with the tension of the end of the step, which is a parameter of
+    cells: nothing is compiled again when it changes.
+
+    Parameters
+    ----------
+    smoothing : (m,) int, optional
+        As `Domains` takes it.
+    """
+
+    def __init__(self, space: LevelSpace, muscle: CellMuscle, smoothing: np.ndarray | None = None):
+        d, m = space.dim, len(space.mesh.cells)
+        self._muscle, self._shape = muscle, (m, d, d)
+
+        def psi(F: Any, **tension: Any) -> Any:
+            return active_fibres(F, matrix_of("tension", tension, d))
+
+        domains = Domains(space, np.isin(np.arange(m), muscle.cells), smoothing)
+        law, none = Density(psi, isotropic=False), self._tensions(np.zeros(len(muscle.cells)))
+        super().__init__(space, law, none, domains, "muscle")
+        counted = float(domains.volumes[: domains.counted].sum())
+        self.scale = muscle.muscle.strength * space.reduce(counted)
+
+    def _tensions(self, tension: np.ndarray) -> dict[str, np.ndarray]:
+        """The entries (m,) of tension f f' [Pa] for a tension (k,) of the muscle's cells."""
+        fibres, found = self._muscle.fibres, np.zeros(self._shape)
+        found[self._muscle.cells] = (tension[:, None] * fibres)[:, :, None] * fibres[:, None, :]
+        return entries_of("tension", found)
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        # Every rank asks for all cells, so that a function that fails does so on all ranks.
+        tension = self._muscle.muscle.tension(t1, self._muscle.places)
+        self.set_parameters(self._tensions(tension))

@@ -26,14 +26,13 @@ from pdvol.levels.binding import ISLAND, bind
 from pdvol.levels.function_check import call_functions
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import Defect, buried, smallest_gap
-from pdvol.levels.level_check import level_defects, level_notes
+from pdvol.levels.level_check import cells_through, level_defects, level_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, scene_diagonal
 from pdvol.levels.space import LevelSpace
 from pdvol.levels.start import started
-from pdvol.levels.thickness import cells_through
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.build import build_levels, vertices_asked
 from pdvol.meshing.cpu_budget import cpu_budget

@@ -13,8 +13,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, pointers
 from pdvol.solve.callbacks import weakly
-from pdvol.solve.linear.halo import Halo
-from pdvol.solve.linear.overlap import Overlap
+from pdvol.solve.linear.halo import Halo, Overlap
 
 
 class SystemMatrix:
