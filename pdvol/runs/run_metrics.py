@@ -44,15 +44,14 @@ def measure_run(path: str | Path) -> dict:
     dict
         `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`),
-        `roughness` [m] around steps 2, 3, ..., `rougher`, its root mean square over that of level 0, and, from
-        level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
+        `roughness` [m] around steps 2, 3, ..., `rougher`, its root mean square over that of level 0, and, from level 1
+        on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
         `centre_drift` [m] and `angle_drift` [degrees] from the level below, the same with `_from_0` from level 0), the
         `projection`'s `rank` and `columns`, the drift of each of the `bodies`, `animation`, which says in a line
-        whether the level ends as level 0, and `summary`: mean, median, largest and
-        last value of each list. Steps that were cut, that were joined at rest, or whose scripted motion contact
-        stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded levels, which have no
-        x_hat, is NaN as well. In states with intersections or inverted cells the forces are meaningless: continuity and
-        its error are NaN.
+        whether the level ends as level 0, and `summary`: mean, median, largest and last value of each list. Steps that
+        were cut, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. The
+        continuity of embedded levels, which have no x_hat, is NaN as well. In states with intersections or inverted
+        cells the forces are meaningless: continuity and its error are NaN.
 
     Raises
     ------

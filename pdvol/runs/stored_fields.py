@@ -16,8 +16,7 @@ from pdvol.levels.model import LevelModel, level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.script import Obstacle
 from pdvol.parallel import on_root
-from pdvol.potentials.elasticity import Elastic
-from pdvol.potentials.stress import CauchyStress, von_mises
+from pdvol.potentials.elasticity import CauchyStress, Elastic, von_mises
 from pdvol.registry import FORMATS
 from pdvol.runs.scene_file import both_described, stored_shot
 from pdvol.scene import Scene

@@ -79,15 +79,7 @@ class _Part:
             watch.cpu += time.process_time() - watch.cpu_start
 
 
-REMEDIES = (
-    "clamp",
-    "abs",
-    "direct",
-    "workspace",
-    "halvings",
-    "last_resort",
-    "substeps",
-)
+REMEDIES = ("clamp", "abs", "direct", "workspace", "halvings", "last_resort", "substeps")
 
 
 def no_remedies() -> dict[str, int]:
