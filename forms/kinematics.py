@@ -6,16 +6,6 @@ from ufl.core.expr import Expr
 NEWTON = 4  # iterations for the sum of three stretches: exact to the last bit, as are two derivatives (see there)
 
 
-def deformation_gradient(x: Expr) -> Expr:
-    """F = dx/dX, shape (d, d).
-
-    Parameters
-    ----------
-    x : positions [m] as a function of rest positions, UFL
-    """
-    return ufl.grad(x)
-
-
 def green_strain(F: Expr) -> Expr:
     """E = (F'F - 1) / 2, shape (d, d). In plane strain the entries that are left out are zero.
 

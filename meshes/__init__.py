@@ -1,11 +1,10 @@
 """Shape recipes: pure geometry, one function a shape, seeded. Nothing here knows of physics, MPI or PETSc."""
 
 from . import outlines, solids
-from .creature import creature
 from .donut import donut, donut_render, donut_texture
 from .geometry import Outline, RenderSurface, Solid, Surface
 from .grids import brick, hollow_ball, hollow_brick
-from .jellies import bunny, frog
+from .jellies import bunny, creature, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
 from .solids import ball, bar, box
 from .turned import bowl, cylinder, funnel, torus, turned

@@ -17,27 +17,14 @@ RIM = 0.05
 
 
 def donut(radius: float = 0.3, tube: float = 0.13, segments: int = 48, around: int = 24) -> Surface:
-    """The dough [m]: a torus about the y axis.
-
-    Parameters
-    ----------
-    radius : to the middle of the tube [m]
-    tube : radius of the tube [m]
-    segments : about the y axis
-    around : points around the tube
-    """
+    """The dough [m]: a torus about the y axis. `radius`, `tube`, `segments` and `around` are those of `torus`."""
     return torus(radius, tube, segments, around)
 
 
 def donut_render(radius: float = 0.3, tube: float = 0.13, segments: int = 256, around: int = 128) -> RenderSurface:
     """The same donut in detail: quadrilaterals, glaze on its upper side, and seams where the angles begin again.
 
-    Parameters
-    ----------
-    radius : to the middle of the tube [m]
-    tube : radius of the tube [m]
-    segments : about the y axis
-    around : points around the tube
+    `radius`, `tube`, `segments` and `around` are those of `torus`.
     """
     along, turn = np.arange(segments) / segments, np.arange(around) / around
     a, b = (2.0 * np.pi * v.ravel() for v in np.meshgrid(along, turn, indexing="ij"))

@@ -56,13 +56,11 @@ def brick(
     """A box [m] about the origin cut into `cuts` boxes along x, y, z, each of them into six tetrahedra round its
     diagonal (Kuhn).
 
-    `bend` moves the points (n, 3) [m], turning no cell inside out.
-
     Parameters
     ----------
     size : (3,) lengths of its sides [m]
     cuts : (3,) how many boxes along x, y, z
-    bend : function of points (n, 3) [m] that gives their places (n, 3) [m]
+    bend : function of points (n, 3) [m] that gives their places (n, 3) [m] and turns no cell inside out
     """
     counts = np.asarray(cuts) + 1
     grid = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)

@@ -1,9 +1,27 @@
 """Figures as signed distances (nearly), negative inside, and their contours as surfaces."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from .geometry import Surface
+
+Blended = Iterable[tuple[np.ndarray, float]]
+"""Distances to parts of a figure, and the size of the fillet of each."""
+
+
+def figurine(
+    figure: Callable[[np.ndarray], np.ndarray], box: Sequence[tuple[float, float]], height: float, vertices: int
+) -> Surface:
+    """The contour of a signed distance within `box`, ((low, high), ...) along x, y, z, scaled to its height; y up, its
+    lowest point at y = 0.
+    """
+    h = 0.014  # grid cell of a figure about one unit tall: five cells across the bear's nose
+    axes = [np.arange(low, high + h, h) for low, high in box]
+    points, triangles = contoured(figure(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)), axes, h, vertices)
+    points = points - [0.0, points[:, 1].min(), 0.0]
+    return Surface(points * (height / points[:, 1].max()), np.ascontiguousarray(triangles, dtype=np.int32))
 
 
 def contoured(field: np.ndarray, axes: Sequence[np.ndarray], h: float, vertices: int) -> tuple[np.ndarray, np.ndarray]:
@@ -36,9 +54,7 @@ def ellipsoid(p: np.ndarray, centre: ArrayLike, radii: ArrayLike) -> np.ndarray:
 
 def capsule(p: np.ndarray, start: ArrayLike, end: ArrayLike, radius: float) -> np.ndarray:
     """Distance to a segment thickened by `radius`."""
-    a, axis = np.asarray(start), np.asarray(end) - np.asarray(start)
-    along = np.clip((p - a) @ axis / (axis @ axis), 0.0, 1.0)
-    return np.linalg.norm(p - a - along[..., None] * axis, axis=-1) - radius
+    return cone(p, start, end, radius, radius)
 
 
 def cone(p: np.ndarray, start: ArrayLike, end: ArrayLike, first: float, last: float) -> np.ndarray:
@@ -46,6 +62,26 @@ def cone(p: np.ndarray, start: ArrayLike, end: ArrayLike, first: float, last: fl
     a, axis = np.asarray(start), np.asarray(end) - np.asarray(start)
     along = np.clip((p - a) @ axis / (axis @ axis), 0.0, 1.0)
     return np.linalg.norm(p - a - along[..., None] * axis, axis=-1) - (first + (last - first) * along)
+
+
+def groove(p: np.ndarray, points: ArrayLike, radius: float) -> np.ndarray:
+    """Distance to a path through `points` (k, 3), thickened by `radius`."""
+    path = np.asarray(points)
+    return np.min([capsule(p, a, b, radius) for a, b in zip(path[:-1], path[1:], strict=True)], axis=0)
+
+
+def mirrored(p: np.ndarray) -> np.ndarray:
+    """Points of the right side for those of both: left and right are the same."""
+    return np.concatenate([np.abs(p[..., :1]), p[..., 1:]], axis=-1)
+
+
+def shaped(body: np.ndarray, parts: Blended, hollows: Blended) -> np.ndarray:
+    """A body joined with parts, without hollows."""
+    for part, blend in parts:
+        body = join(body, part, blend)
+    for hollow, blend in hollows:
+        body = -join(-body, hollow, blend)
+    return body
 
 
 def join(a: np.ndarray, b: np.ndarray, blend: float) -> np.ndarray:

@@ -1,14 +1,29 @@
-"""A bunny and a frog in jelly: round, without thin parts, so that few vertices will do. `creature` is the bear beside
-them.
-"""
+"""A bear, a bunny and a frog in jelly: round, without thin parts, so that few vertices will do."""
 
-from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from .geometry import Surface
-from .implicit import capsule, contoured, ellipsoid, join
+from .implicit import capsule, ellipsoid, figurine, groove, mirrored, shaped
+
+
+@lru_cache(maxsize=4)  # a second to make: a process that runs many variations of a scene makes it once
+def creature(height: float = 1.0, vertices: int = 4000, plumpness: float = 1.0) -> Surface:
+    """A bear cub `height` [m] tall, y up, facing +z, centred on the y axis, its lowest point at y = 0.
+
+    Ellipsoids and capsules joined by a smooth minimum, contoured by marching cubes, faired, and decimated where it is
+    plain.
+
+    Parameters
+    ----------
+    height : float [m]
+    vertices : int
+        Vertices of the surface, about.
+    plumpness : scales the belly and cheeks
+    """
+    box = ((-0.56, 0.56), (-0.10, 1.12), (-0.50, 0.60))
+    return figurine(partial(_bear, plumpness=plumpness), box, height, vertices)
 
 
 def bunny(height: float = 1.0, vertices: int = 4000) -> Surface:
@@ -16,31 +31,44 @@ def bunny(height: float = 1.0, vertices: int = 4000) -> Surface:
 
     `vertices` of the surface, about.
     """
-    return _figurine(_bunny, ((-0.40, 0.40), (-0.06, 1.10), (-0.45, 0.50)), height, vertices)
+    return figurine(_bunny, ((-0.40, 0.40), (-0.06, 1.10), (-0.45, 0.50)), height, vertices)
 
 
-@lru_cache(maxsize=4)  # a second to make: a process that runs many variations of a scene makes it once
+@lru_cache(maxsize=4)
 def frog(height: float = 0.6, vertices: int = 4000) -> Surface:
     """A squatting frog `height` [m] tall to the top of its eyes, y up, facing +z, its lowest point at y = 0.
 
     `vertices` of the surface, about.
     """
-    return _figurine(_frog, ((-0.68, 0.68), (-0.06, 0.80), (-0.60, 0.62)), height, vertices)
+    return figurine(_frog, ((-0.68, 0.68), (-0.06, 0.80), (-0.60, 0.62)), height, vertices)
 
 
-def _figurine(
-    figure: Callable[[np.ndarray], np.ndarray], box: Sequence[tuple[float, float]], height: float, vertices: int
-) -> Surface:
-    """The contour of a signed distance within `box`, ((low, high), ...) along x, y, z, scaled to its height."""
-    h = 0.014  # grid cell of a figure about one unit tall
-    axes = [np.arange(low, high + h, h) for low, high in box]
-    points, triangles = contoured(figure(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)), axes, h, vertices)
-    points = points - [0.0, points[:, 1].min(), 0.0]
-    return Surface(points * (height / points[:, 1].max()), np.ascontiguousarray(triangles, dtype=np.int32))
+def _bear(p: np.ndarray, plumpness: float) -> np.ndarray:
+    """Signed distance (nearly) to the cub at points (..., 3): negative inside."""
+    q = mirrored(p)
+    body = ellipsoid(p, (0.0, 0.30, 0.0), np.array([0.25, 0.29, 0.23]) * plumpness)
+    parts = [
+        (ellipsoid(p, (0.0, 0.76, 0.03), (0.27, 0.235, 0.235)), 0.06),  # head
+        (ellipsoid(q, (0.12, 0.69, 0.15), np.array([0.12, 0.10, 0.10]) * plumpness), 0.06),  # cheeks
+        (ellipsoid(p, (0.0, 0.69, 0.235), (0.125, 0.095, 0.115)), 0.03),  # muzzle
+        (ellipsoid(p, (0.0, 0.748, 0.338), (0.046, 0.034, 0.034)), 0.012),  # nose
+        (ellipsoid(q, (0.100, 0.825, 0.228), (0.042, 0.050, 0.042)), 0.008),  # eyes
+        (ellipsoid(q, (0.215, 0.965, 0.0), (0.098, 0.105, 0.058)), 0.03),  # ears
+        (capsule(q, (0.20, 0.47, 0.05), (0.40, 0.36, 0.22), 0.078), 0.05),  # arms, held out for a hug
+        (capsule(q, (0.15, 0.10, 0.10), (0.26, 0.08, 0.38), 0.100), 0.05),  # legs
+        (ellipsoid(q, (0.275, 0.115, 0.42), (0.105, 0.125, 0.07)), 0.03),  # feet, soles forward
+        (ellipsoid(p, (0.0, 0.16, -0.25), (0.085, 0.085, 0.085)), 0.03),  # tail
+    ]
+    hollows = [
+        (ellipsoid(q, (0.215, 0.975, 0.062), (0.058, 0.062, 0.030)), 0.02),  # inside of the ears
+        (ellipsoid(p, (0.0, 0.27, 0.245), (0.022, 0.022, 0.03)), 0.015),  # navel
+        (groove(q, [(0.0, 0.651, 0.344), (0.052, 0.660, 0.333), (0.100, 0.690, 0.302)], 0.014), 0.02),  # smile
+    ]
+    return shaped(body, parts, hollows)
 
 
 def _bunny(p: np.ndarray) -> np.ndarray:
-    q = _mirrored(p)
+    q = mirrored(p)
     body = ellipsoid(p, (0.0, 0.26, -0.06), (0.225, 0.25, 0.27))
     parts = [
         (ellipsoid(p, (0.0, 0.33, 0.06), (0.16, 0.20, 0.16)), 0.08),  # chest
@@ -54,10 +82,8 @@ def _bunny(p: np.ndarray) -> np.ndarray:
         (capsule(q, (0.095, 0.30, 0.14), (0.080, 0.070, 0.240), 0.062), 0.04),  # forelegs
         (ellipsoid(p, (0.0, 0.20, -0.345), (0.095, 0.095, 0.085)), 0.02),  # tail
     ]
-    for part, blend in parts:
-        body = join(body, part, blend)
     hollow = capsule(q, (0.092, 0.74, 0.112), (0.135, 0.93, 0.092), 0.034)  # inside of the ears
-    return -join(-body, hollow, 0.03)
+    return shaped(body, parts, [(hollow, 0.03)])
 
 
 def _ear(q: np.ndarray) -> np.ndarray:
@@ -67,7 +93,7 @@ def _ear(q: np.ndarray) -> np.ndarray:
 
 
 def _frog(p: np.ndarray) -> np.ndarray:
-    q = _mirrored(p)
+    q = mirrored(p)
     body = ellipsoid(p, (0.0, 0.27, -0.04), (0.30, 0.24, 0.32))
     parts = [
         (ellipsoid(p, (0.0, 0.40, 0.14), (0.29, 0.185, 0.235)), 0.07),  # head
@@ -85,9 +111,7 @@ def _frog(p: np.ndarray) -> np.ndarray:
             for x, z in ((0.365, 0.39), (0.275, 0.43), (0.190, 0.40))
         ),  # fingers
     ]
-    for part, blend in parts:
-        body = join(body, part, blend)
-    return -join(-body, _grin(q), 0.02)
+    return shaped(body, parts, [(_grin(q), 0.02)])
 
 
 def _grin(q: np.ndarray) -> np.ndarray:
@@ -96,11 +120,4 @@ def _grin(q: np.ndarray) -> np.ndarray:
     y = 0.355 + 0.045 * (angles / angles[-1]) ** 2
     ring = np.sqrt(1.0 - ((y - 0.40) / 0.185) ** 2)
     points = np.column_stack([0.29 * ring * np.sin(angles), y, 0.14 + 0.235 * ring * np.cos(angles)])
-    return np.min([capsule(q, a, b, 0.016) for a, b in zip(points[:-1], points[1:], strict=True)], axis=0)
-
-
-def _mirrored(p: np.ndarray) -> np.ndarray:
-    """Left and right are the same."""
-    q = p.copy()
-    q[..., 0] = np.abs(q[..., 0])
-    return q
+    return groove(q, points, 0.016)

@@ -34,7 +34,7 @@ def turned(profile: ArrayLike, segments: int = 24) -> Surface:
 
 
 def torus(radius: float = 0.35, tube: float = 0.1, segments: int = 24, around: int = 10) -> Surface:
-    """A ring [m] about the y axis: `radius` to the middle of its tube.
+    """A ring [m] about the y axis.
 
     Parameters
     ----------

@@ -25,9 +25,11 @@ try:
     import ffcx.compiler
     import ffcx.options
     import ufl
-    from dolfinx import fem, geometry, la
+    from dolfinx import fem as fem
+    from dolfinx import geometry as geometry
+    from dolfinx import la as la
     from mpi4py import MPI
-    from petsc4py import PETSc
+    from petsc4py import PETSc as PETSc
 except ImportError as error:
     raise InputError(
         f"no dolfinx that works ({error}); see docs/install.md, or run in a checkout: pip install '.[solver]'"
@@ -36,18 +38,6 @@ except ImportError as error:
 with contextlib.suppress(ValueError):  # not from a thread
     # As it was before: to Python, a write to a process that has ended is an error. PETSc's handler ends this process.
     signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE) or signal.SIG_IGN)
-
-__all__ = [
-    "DOLFINX",
-    "PETSc",
-    "create_mesh",
-    "fem",
-    "form_code",
-    "geometry",
-    "geometry_dofmap",
-    "index_map",
-    "la",
-]
 
 # How many processes Open MPI's launcher has started, or MPICH's: with the library of the other, each of them is alone.
 _started = int(os.environ.get("OMPI_COMM_WORLD_SIZE") or os.environ.get("PMI_SIZE") or 1)

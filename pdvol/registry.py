@@ -6,36 +6,15 @@ and commands can also come from another installed package, through entry points 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
 from pdvol.errors import InputError
 
-
-@dataclass(frozen=True)
-class Entry:
-    """One name's implementation.
-
-    Attributes
-    ----------
-    target : "module:object", or "module" alone
-    help : one line, for command lines that list the names
-    package : the installed package it comes from; empty for pdvol's own
-    """
-
-    target: str
-    help: str = ""
-    package: str = ""
-
-    def load(self) -> Any:
-        """The module or object, imported now."""
-        module, _, name = self.target.partition(":")
-        loaded = import_module(module)
-        for part in name.split(".") if name else ():
-            loaded = getattr(loaded, part)
-        return loaded
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 
 class Registry:
@@ -44,28 +23,29 @@ class Registry:
     Parameters
     ----------
     noun : what one entry is called in messages
-    entries : pdvol's own entries by name, in the order in which they are listed
+    entries : where pdvol's own ones are, "module:object" or "module", by name, in the order in which they are listed
     group : the entry point group that other packages extend it by; None where they cannot
+    helps : a line for command lines by name
     """
 
-    def __init__(self, noun: str, entries: Mapping[str, Entry], group: str | None = None):
-        self.noun, self.group = noun, group
-        self._own = dict(entries)
+    def __init__(
+        self, noun: str, entries: Mapping[str, str], group: str | None = None, helps: Mapping[str, str] | None = None
+    ):
+        self.noun, self.group, self._own, self._helps = noun, group, entries, helps or {}
 
     @cached_property
-    def _installed(self) -> dict[str, Entry]:
-        """Entries of other installed packages; these are looked up once, when a name is not pdvol's own or all are
+    def _installed(self) -> "dict[str, EntryPoint]":
+        """Those of other installed packages; these are looked up once, when a name is not pdvol's own or all are
         listed.
         """
         if self.group is None:
             return {}
         from importlib.metadata import entry_points
 
-        found: dict[str, Entry] = {}
+        found: dict[str, EntryPoint] = {}
         for point in entry_points(group=self.group):
-            package = point.dist.name if point.dist is not None else "another package"
-            found.setdefault(point.name, Entry(point.value, f"from the package {package}", package))
-        return {name: entry for name, entry in found.items() if name not in self._own}
+            found.setdefault(point.name, point)
+        return {name: point for name, point in found.items() if name not in self._own}
 
     def __iter__(self) -> Iterator[str]:
         yield from self._own
@@ -92,20 +72,24 @@ class Registry:
         """
         self.check(name)
         if name in self._own:
-            return self._own[name].load()
-        entry = self._installed[name]
+            module, _, attribute = self._own[name].partition(":")
+            return attrgetter(attribute)(import_module(module)) if attribute else import_module(module)
         try:
-            return entry.load()
+            return self._installed[name].load()
         except Exception as error:  # another package's code may fail in any way
             raise InputError(
-                f"the {self.noun} {name!r} of the package {entry.package} cannot be loaded:"
+                f"the {self.noun} {name!r} of the {self._package(name)} cannot be loaded:"
                 f" {type(error).__name__}: {error}"
             ) from error
 
     def help(self, name: str) -> str:
         """The line that command lines show beside a name; InputError where the name is unknown."""
         self.check(name)
-        return (self._own.get(name) or self._installed[name]).help
+        return self._helps.get(name, "") if name in self._own else f"from the {self._package(name)}"
+
+    def _package(self, name: str) -> str:
+        package = self._installed[name].dist
+        return f"package {package.name}" if package is not None else "another package"
 
 
 METHODS = ("progressive", "direct", "tracks", "embedded")
@@ -117,9 +101,9 @@ ELEMENTS = ("smoothed", "linear")
 INTERPOLANTS = Registry(
     "prolongation",
     {
-        "barycentric": Entry("pdvol.levels.interpolants.barycentric:barycentric"),
-        "biharmonic": Entry("pdvol.levels.interpolants.biharmonic:biharmonic"),
-        "phong": Entry("pdvol.levels.interpolants.phong:phong"),
+        "barycentric": "pdvol.levels.interpolants.barycentric:barycentric",
+        "biharmonic": "pdvol.levels.interpolants.biharmonic:biharmonic",
+        "phong": "pdvol.levels.interpolants.phong:phong",
     },
     "pdvol.interpolants",
 )
@@ -130,8 +114,8 @@ the default.
 INTEGRATORS = Registry(
     "integrator",
     {
-        "bdf2": Entry("pdvol.integrate.integrator:BDF2"),
-        "implicit_euler": Entry("pdvol.integrate.integrator:ImplicitEuler"),
+        "bdf2": "pdvol.integrate.integrator:BDF2",
+        "implicit_euler": "pdvol.integrate.integrator:ImplicitEuler",
     },
 )
 """Time integrators (`pdvol.integrate.integrator`). The first one is the default."""
@@ -139,11 +123,11 @@ INTEGRATORS = Registry(
 FORMATS = Registry(
     "format",
     {
-        "xdmf": Entry("pdvol.studio.export.xdmf:export"),
-        "obj": Entry("pdvol.studio.export.obj:export"),
-        "usd": Entry("pdvol.studio.export.usd:export"),
-        "pc2": Entry("pdvol.studio.export.pc2:export"),
-        "alembic": Entry("pdvol.studio.export.alembic:export"),
+        "xdmf": "pdvol.studio.export.xdmf:export",
+        "obj": "pdvol.studio.export.obj:export",
+        "usd": "pdvol.studio.export.usd:export",
+        "pc2": "pdvol.studio.export.pc2:export",
+        "alembic": "pdvol.studio.export.alembic:export",
     },
     "pdvol.formats",
 )
@@ -155,50 +139,37 @@ SHOWN_SURFACES = ("render", "contact", "both")
 STUDIO = Registry(
     "tool",
     {
-        "play": Entry("pdvol.studio.play.notebook:play"),
-        "player": Entry("pdvol.studio.live.player:Player"),
-        "polyfem_scene": Entry("pdvol.studio.imports.polyfem:polyfem_scene"),
-        "read_animation": Entry("pdvol.studio.imports.scene_files:read_animation"),
-        "files_of_scene": Entry("pdvol.studio.imports.scene_files:files_of_scene"),
-        "read_still": Entry("pdvol.studio.imports.scene_files:read_still"),
+        "play": "pdvol.studio.play.notebook:play",
+        "player": "pdvol.studio.live.player:Player",
+        "polyfem_scene": "pdvol.studio.imports.polyfem:polyfem_scene",
+        "read_animation": "pdvol.studio.imports.scene_files:read_animation",
+        "files_of_scene": "pdvol.studio.imports.scene_files:files_of_scene",
+        "read_still": "pdvol.studio.imports.scene_files:read_still",
     },
 )
 """The functions of `pdvol.studio` that the core calls. It imports nothing of the studio, and finds them here."""
 
+COMMAND_HELP = {
+    "run": "simulate a scene's levels, coarse to fine",
+    "preview": "simulate level 0 only",
+    "refine": "simulate the finer levels of a stored run",
+    "live": "a local page: level 0 runs while one looks and changes values",
+    "check": "pre-flight: what will be modelled, sizes, and every defect found",
+    "repair": "mend a mesh into another file: weld, fill, orient, uncross",
+    "hierarchy": "build the levels of one mesh and report their bindings",
+    "info": "what a scene will model, or what a run holds",
+    "metrics": "measure a run: continuity, consistency between levels, and more; writes metrics.json and metrics.png",
+    "render": "draw a run: rows are levels, columns are moments",
+    "play": "write runs as one HTML file that plays them in a browser, without a network",
+    "export": "write a run's levels for ParaView (xdmf) or animation software (usd, pc2, alembic, obj)",
+    "study": "speed against accuracy: run a scene with many settings and compare them",
+    "wedge": "many variations of a scene on level 0, scored and on one sheet",
+    "pick": "take one variation of a wedge, and refine it",
+    "verify": "check every stored state for intersections and inverted cells, independently of the solver",
+}
+"""The verbs of the command line, as its help lists them."""
+
 COMMANDS = Registry(
-    "command",
-    {
-        "run": Entry("pdvol.commands.run", "simulate a scene's levels, coarse to fine"),
-        "preview": Entry("pdvol.commands.preview", "simulate level 0 only"),
-        "refine": Entry("pdvol.commands.refine", "simulate the finer levels of a stored run"),
-        "live": Entry("pdvol.commands.live", "a local page: level 0 runs while one looks and changes values"),
-        "check": Entry("pdvol.commands.check", "pre-flight: what will be modelled, sizes, and every defect found"),
-        "repair": Entry("pdvol.commands.repair", "mend a mesh into another file: weld, fill, orient, uncross"),
-        "hierarchy": Entry("pdvol.commands.hierarchy", "build the levels of one mesh and report their bindings"),
-        "info": Entry("pdvol.commands.info", "what a scene will model, or what a run holds"),
-        "metrics": Entry(
-            "pdvol.commands.metrics",
-            "measure a run: continuity, consistency between levels, and more; writes metrics.json and metrics.png into"
-            " it",
-        ),
-        "render": Entry("pdvol.commands.render", "draw a run: rows are levels, columns are moments"),
-        "play": Entry(
-            "pdvol.commands.play", "write runs as one HTML file that plays them in a browser, without a network"
-        ),
-        "export": Entry(
-            "pdvol.commands.export",
-            "write a run's levels for ParaView (xdmf) or animation software (usd, pc2, alembic, obj)",
-        ),
-        "study": Entry(
-            "pdvol.commands.study", "speed against accuracy: run a scene with many settings and compare them"
-        ),
-        "wedge": Entry("pdvol.commands.wedge", "many variations of a scene on level 0, scored and on one sheet"),
-        "pick": Entry("pdvol.commands.pick", "take one variation of a wedge, and refine it"),
-        "verify": Entry(
-            "pdvol.commands.verify",
-            "check every stored state for intersections and inverted cells, independently of the solver",
-        ),
-    },
-    "pdvol.commands",
+    "command", {name: f"pdvol.commands.{name}" for name in COMMAND_HELP}, "pdvol.commands", COMMAND_HELP
 )
 """Modules with `add_arguments(parser)` and `main(options) -> int | None`, by the verb of the command line."""

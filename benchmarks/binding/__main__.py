@@ -23,8 +23,7 @@ from benchmarks.common.study import command
 from benchmarks.common.tables import Page, number, table
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding, bind
-from pdvol.levels.interpolants.biharmonic import biharmonic_columns
-from pdvol.levels.interpolants.locality import make_local
+from pdvol.levels.interpolants.biharmonic import biharmonic_columns, make_local
 from pdvol.levels.space import LevelSpace
 from pdvol.measure.verify import signed_volumes
 from pdvol.meshing.build import build_levels

@@ -23,9 +23,9 @@ from benchmarks.common.tables import number, table
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
+from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
-from pdvol.levels.space import LevelSpace
 from pdvol.meshes import brick
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Body, NeoHookean, Plane, Scene, Solver, Support, Translation
@@ -86,8 +86,9 @@ def press(cells: int, ratio: float, dhat_share: float) -> dict:
     )
     scene = first_order(scene)  # quasi-static: each step begins at rest
     begin = time.process_time()
-    model = level_model(scene, mesh, 0, RADIUS, placed_obstacles(scene.obstacles, ()), None)
-    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_WORLD))
+    levels = Hierarchy([mesh], MPI.COMM_WORLD)
+    model = level_model(scene, levels, 0, RADIUS, placed_obstacles(scene.obstacles, ()))
+    stepper = Stepper(model, levels[0])
     state, newton = State(mesh.points, np.zeros_like(mesh.points)), 0
     for step in range(1, STEPS + 1):
         report = stepper.step(step, (state,))

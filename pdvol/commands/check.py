@@ -59,6 +59,8 @@ def main(options: Namespace) -> int:
 
 def _scene_lines(result: dict) -> list[str]:
     """The result of `check_scene`."""
+    from pdvol.runs.preflight import sizes_line
+
     lines = list(result["modelled"])
     if result["stiffness_ratio"] not in (None, 1.0):
         lines.append(f"stiffness ratio of the materials: {result['stiffness_ratio']:.3g}")
@@ -66,11 +68,7 @@ def _scene_lines(result: dict) -> list[str]:
         parts = (f"{area:.3g} ({share:.1%})" for area, share in zip(held["areas"], held["shares"], strict=True))
         lines.append(f"a support of {held['body'] or 'all bodies'} holds of the boundary, by level: {', '.join(parts)}")
     for e in result["levels"]:
-        lines.append(
-            f"level {e['level']}: {e['vertices']:,} vertices, {e['cells']:,} cells, {e['surface_vertices']:,} on the"
-            f" surface, volume {e['volume']:.4g}, smallest cell {e['smallest_cell']:.2g}, shortest edge"
-            f" {e['shortest_edge']:.3g} m"
-        )
+        lines.append(sizes_line(e))
         lines.append(
             "  worst cells (mean ratio): "
             + ", ".join(f"{w['cell']} of {w['body']} ({w['quality']:.2f})" for w in e["worst_cells"])

@@ -9,7 +9,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import Any
 
-from pdvol.commands.options import SHOT, add, chosen_shot, level_range
+from pdvol.commands.options import SHOT, add, add_repeated, chosen_shot, level_range
 from pdvol.errors import InputError
 
 PORT = 8080
@@ -19,13 +19,7 @@ FINEST_BY_DEFAULT = 1  # level: it follows the preview within seconds
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol live`."""
     add(parser, *SHOT)
-    parser.add_argument(
-        "--vary",
-        action="append",
-        default=[],
-        metavar="NAME=A:B",
-        help="the range of a parameter's slider, or NAME=A,B,C for a choice",
-    )
+    add_repeated(parser, "--vary", "NAME=A:B", "the range of a parameter's slider, or NAME=A,B,C for a choice")
     add(parser, "--levels")
     parser.add_argument("--wavefront", action="store_true", help="run the finer levels side by side, a process each")
     parser.add_argument("-o", "--out", type=Path, default=Path("runs"), help="folder for kept runs (default: runs)")

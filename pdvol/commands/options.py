@@ -75,6 +75,11 @@ def add(parser: ArgumentParser, *names: str) -> None:
         parser.add_argument(name, *ALIASES.get(name, ()), **SHARED[name])
 
 
+def add_repeated(parser: ArgumentParser, name: str, metavar: str, text: str) -> None:
+    """Add an option that may be given several times."""
+    parser.add_argument(name, action="append", default=[], metavar=metavar, help=text)
+
+
 def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
     """The scene, its settings, and the run folder to write."""
     add(parser, *SHOT)
@@ -108,12 +113,18 @@ def level_range(text: str, option: str = "--levels") -> tuple[int, int | None]:
     return begin, (whole_number(option, last) if last else None) if colon else begin
 
 
-def stored_levels(text: str, run: "Run") -> Sequence[int] | None:
-    """The levels of a stored run that `--levels` names; None without the option. Raises as `level_range`."""
+def stored_levels(text: str, run: "Run | None") -> Sequence[int] | None:
+    """The levels of a stored run, or of each one of a wedge where that is None, that `--levels` names; None without the
+    option. Raises as `level_range`.
+    """
     if not text:
         return None
     first, last = level_range(text)
-    return range(first, (len(run.levels) - 1 if last is None else last) + 1)
+    if last is not None:
+        return range(first, last + 1)
+    if run is None:
+        raise InputError("--levels: name the last level, too, for a wedge folder")
+    return range(first, len(run.levels))
 
 
 def number(text: str) -> float:

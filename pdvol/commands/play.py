@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add, level_range, stored_levels
+from pdvol.commands.options import add, stored_levels
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,22 +74,12 @@ def chosen_panes(options: Namespace) -> tuple[list["Pane"], int | None, str]:
         if len(options.runs) > 1:
             raise InputError(f"{wedges[0]} is a wedge folder: play it alone, or name single runs of it")
         (folder,) = wedges
-        return panes_of_wedge(folder, wedge_levels(options.levels)), None, folder.resolve().name
+        return panes_of_wedge(folder, stored_levels(options.levels, None)), None, folder.resolve().name
     runs = [open_run(path) for path in options.runs]
     rows = [panes_of_run(run, stored_levels(options.levels, run), named=len(runs) > 1) for run in runs]
     columns = len(rows[0]) if len(runs) > 1 and len({len(row) for row in rows}) == 1 and len(rows[0]) > 1 else None
     scenes = dict.fromkeys(str(run.info.get("scene") or run.path.resolve().name) for run in runs)
     return [pane for row in rows for pane in row], columns, ", ".join(scenes)
-
-
-def wedge_levels(text: str) -> list[int] | None:
-    """The levels of each variation that `--levels` names; None without the option."""
-    if not text:
-        return None
-    first, last = level_range(text)
-    if last is None:
-        raise InputError("--levels: name the last level, too, for a wedge folder")
-    return list(range(first, last + 1))
 
 
 def with_contact_force(panes: list["Pane"], notes: list[str]) -> list["Pane"]:

@@ -60,16 +60,14 @@ def main(options: Namespace) -> None:
     if not options.resume:
         require_use(shot, options.method)
     if options.branch is not None or options.at is not None:
-        first, last, options.resume = _begin_branch(options, shot, first, last, out)
+        last, options.resume = _begin_branch(options, shot, first, last, out), True
     outputs, how = Outputs(options, out, shot.scene), (options.method, options.prolongation, options.resume)
     outputs.simulate(run_scene, shot, out, first, last, *how)
     outputs.report()
 
 
-def _begin_branch(
-    options: Namespace, shot: "Shot", first: int, last: int | None, out: Path
-) -> tuple[int, int | None, bool]:
-    """Takes the stored states over; the levels to go on with, and that the run is to be resumed. Collective."""
+def _begin_branch(options: Namespace, shot: "Shot", first: int, last: int | None, out: Path) -> int:
+    """Takes the stored states over; the finest level to go on with. Collective."""
     from mpi4py import MPI
 
     from pdvol.parallel import on_root
@@ -81,7 +79,7 @@ def _begin_branch(
         raise InputError("--branch begins a new run, progressive and from level 0 on; leave out --resume, --method")
     finest = shot.scene.levels - 1 if last is None else last
     on_root(MPI.COMM_WORLD, lambda: branch_run(shot, options.branch, options.at, out, finest))
-    return first, finest, True
+    return finest
 
 
 def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | None, str]":

@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import SHOT, add, chosen_jobs, chosen_shot, level_range, number
+from pdvol.commands.options import SHOT, add, add_repeated, chosen_jobs, chosen_shot, level_range, number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,15 +18,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol study`."""
     add(parser, *SHOT)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the study")
-    parser.add_argument(
-        "--vary",
-        action="append",
-        default=[],
-        metavar="NAMES",
-        help="what to vary: dt, integrator, elements, feedback, tolerance, dhat, level, friction.iterations,"
-        " linear_rtol, or a setting with values, NAME=value,value,... or NAME=A:B:N; may be repeated (default:"
-        " dt,integrator,elements,tolerance,dhat,level)",
+    text = (
+        "what to vary: dt, integrator, elements, feedback, tolerance, dhat, level, friction.iterations, linear_rtol, or"
+        " a setting with values, NAME=value,value,... or NAME=A:B:N; may be repeated (default:"
+        " dt,integrator,elements,tolerance,dhat,level)"
     )
+    add_repeated(parser, "--vary", "NAMES", text)
     parser.add_argument(
         "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"
     )

@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import SHOT, WholeNumber, add, chosen_jobs, chosen_shot, number
+from pdvol.commands.options import SHOT, WholeNumber, add, add_repeated, chosen_jobs, chosen_shot, number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,14 +33,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = EPILOG
     add(parser, *SHOT)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the wedge")
-    parser.add_argument(
-        "--vary",
-        action="append",
-        default=[],
-        metavar="NAME=A:B:N",
-        help="a setting and its values: A:B:N (N values from A to B), A:B (a range, with --sample or --seek) or a list,"
-        " 0,2,4; several make a grid",
-    )
+    text = "a setting and its values: A:B:N (N values from A to B), A:B (a range, with --sample or --seek) or a list,"
+    add_repeated(parser, "--vary", "NAME=A:B:N", f"{text} 0,2,4; several make a grid")
     parser.add_argument(
         "--sample", action=WholeNumber, metavar="N", help="N variations that fill the ranges evenly, no grid"
     )
@@ -55,13 +49,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     add(parser, "--jobs")
     parser.add_argument("--executor", default="local", choices=("local", PRINT), help="of runs (default: local)")
-    parser.add_argument(
-        "--score",
-        action="append",
-        default=[],
-        metavar="TEXT",
-        help="""the larger the better: 'upright("bear")', a function of a run in the scene file, or FILE.py:NAME""",
-    )
+    text = """the larger the better: 'upright("bear")', a function of a run in the scene file, or FILE.py:NAME"""
+    add_repeated(parser, "--score", "TEXT", text)
     parser.add_argument("--sort", default="", metavar="NAME", help="a score, a parameter, cluster or number")
     parser.add_argument("--film", action="store_true", help="a film of all variations as well")
     parser.add_argument("--no-picture", action="store_true", help="do not draw sheet.png and scatter.png")

@@ -22,52 +22,38 @@ from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.geometry.rigid_motions import best_rotations, mass_centres, rigid_motions
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
-from pdvol.levels.prolongation import Prolongation
 
-
-class Feedback:
-    """The push of each step. Not collective, but for `coarse_positions`: every rank computes all of it.
-
-    Parameters
-    ----------
-    model : LevelModel
-    prolongation : from the level below
-    masses : (n,) [kg]
-        Their ratios are all that counts.
-    coarse_positions : step t -> x_c^t (n_coarse, d) [m]
-    """
-
-    def __init__(
-        self,
-        model: LevelModel,
-        prolongation: Prolongation,
-        masses: np.ndarray,
-        coarse_positions: Callable[[int], np.ndarray],
-    ):
-        self._model, self._prolongation, self._masses = model, prolongation, masses
-        self._coarse_positions = coarse_positions
-
-    def push(self, step: int, positions: np.ndarray) -> np.ndarray:
-        """(n, d) [m]: what the step that begins at `positions` (n, d), after so many steps, adds to x_hat."""
-        model, bodies = self._model, self._model.mesh.point_bodies
-        below = self._prolongation.prolong(self._coarse_positions(step))
-        held = np.zeros(len(positions), dtype=bool)
-        for support in model.supports:
-            if support.holds(step * model.dt, model.dt):
-                held |= support.mask
-        push = _rigid_share(model.feedback, positions, below, self._masses, bodies)
-        push[np.bincount(bodies, held)[bodies] > 0] = 0.0
-        return push
+Push = Callable[[int, np.ndarray], np.ndarray]
+"""What the step that begins at positions (n, d) [m], after so many steps, adds to x_hat: (n, d) [m]."""
 
 
 def level_feedback(
     model: LevelModel, hierarchy: Hierarchy, method: str, coarse_positions: Callable[[int], np.ndarray]
-) -> tuple[Feedback, ...]:
-    """The feedback of a level in a run by a method: of progressive ones above level 0, where the scene has any."""
+) -> tuple[Push, ...]:
+    """The feedback of a level in a run by a method: of progressive ones above level 0, where the scene has any. It
+    depends on the ratios of masses alone. A push is not collective, but for `coarse_positions`: every rank computes all
+    of it.
+
+    Parameters
+    ----------
+    coarse_positions : step t -> x_c^t (n_coarse, d) [m]
+    """
     if method != "progressive" or model.level == 0 or model.feedback == 0.0:
         return ()
-    masses = lumped_masses(model.mesh, model.materials.density)
-    return (Feedback(model, hierarchy.prolongation(model.level), masses, coarse_positions),)
+    masses, bodies = lumped_masses(model.mesh, model.materials.density), model.mesh.point_bodies
+    prolongation = hierarchy.prolongation(model.level)
+
+    def push(step: int, positions: np.ndarray) -> np.ndarray:
+        below = prolongation.prolong(coarse_positions(step))
+        held = np.zeros(len(positions), dtype=bool)
+        for support in model.supports:
+            if support.holds(step * model.dt, model.dt):
+                held |= support.mask
+        pushed = _rigid_share(model.feedback, positions, below, masses, bodies)
+        pushed[np.bincount(bodies, held)[bodies] > 0] = 0.0
+        return pushed
+
+    return (push,)
 
 
 def _rigid_share(

@@ -27,7 +27,6 @@ class Lead:
 
     Attributes
     ----------
-    hierarchy : Hierarchy
     method : one of `pdvol.registry.METHODS`
     coarse : is called for a state of the level below when a step needs it
     """

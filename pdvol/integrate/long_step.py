@@ -23,7 +23,6 @@ class LongStep:
 
     Parameters
     ----------
-    potential : IncrementalPotential
     show : called on all ranks, at most every `SHOWN_EVERY` seconds, once a step has lasted for `SHOWN_AFTER`
     """
 

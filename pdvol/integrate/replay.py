@@ -10,7 +10,7 @@ from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import Positions, Potential, by_names
+from pdvol.potentials.potential import Positions, Term, by_names
 from pdvol.registry import INTEGRATORS
 
 Lateness = tuple[float, Mapping[str, float]]
@@ -79,6 +79,6 @@ class Replay:
                 term.update_lag(x)
         return x
 
-    def force(self, x: Positions, terms: Iterable[Potential]) -> np.ndarray:
+    def force(self, x: Positions, terms: Iterable[Term]) -> np.ndarray:
         """(n_owned, d) [N]: minus the gradient of some of the terms at x."""
         return -sum((term.gradient(x) for term in terms), start=np.zeros_like(x.owned))

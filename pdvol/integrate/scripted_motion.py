@@ -10,7 +10,7 @@ Supports and obstacles are moved as far as nothing crosses. Each part ends at a 
 obstacles exactly where their motions have them then. Collision detection clears the straight path there from the end of
 the part before. So an obstacle that turns never stays on a chord of its arc.
 
-Bodies that are free to go are carried along by the obstacles that they would hinder (`Carriers`), and all others stay.
+Bodies that are free to go are carried along by the obstacles that they would hinder (`carriers`), and all others stay.
 That takes no solve, and where nothing is pressed it carries out the whole motion.
 
 Where supports move, or bodies are pressed against something, bodies have to give way. A part is then one of Newton's
@@ -24,7 +24,7 @@ Where they converge, contact holds. Each motion is then tried while all others w
 up to the end of the span, and the clock goes on with the others.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +56,6 @@ class ScriptedMotion:
 
     Parameters
     ----------
-    space : LevelSpace
     script : that of the terms
     start : (n, d) [m]
         Where vertices are that nothing holds: `positions` has them there.
@@ -166,11 +165,13 @@ class ScriptedMotion:
             target[support.mask] = self._script.place(support.points, time)[support.rows]
         return target
 
-    def carriers(self, potential: IncrementalPotential, x: Positions, until: float) -> "Carriers":
-        """Who carries which body from x (at `clock`) while motions go on to `until` [s]. Collective."""
+    def carriers(self, potential: IncrementalPotential, x: Positions, until: float) -> tuple[Carried, bool]:
+        """Who carries which body from x (at `clock`) while motions go on to `until` [s], and whether something would
+        meet even so. Collective.
+        """
         nothing = np.zeros_like(x.owned)
         meet = lambda of: potential.closing(x, self.path(x, until, nothing, self.rows_of(of)), until)
-        return Carriers(self._held_bodies, meet)
+        return carriers(self._held_bodies, meet)
 
     def rows_of(self, carried: Carried) -> Along:
         """The rows of carried bodies."""
@@ -212,7 +213,7 @@ class _Owned:
         self.rows = np.cumsum(points.mask)[space.owned_points][self.mask] - 1
 
 
-class Carriers:
+def carriers(held: frozenset[int], meet: Callable[[Carried], Iterable[tuple[Object, Object]]]) -> tuple[Carried, bool]:
     """The bodies that moving obstacles carry towards their places at a time: free bodies that they would meet go along
     rigidly, and so do those that these meet.
 
@@ -227,38 +228,35 @@ class Carriers:
     held : numbers of the bodies that supports hold: nothing carries them
     meet : the obstacle that carries each body -> pairs of objects that would meet if it did
 
-    Attributes
-    ----------
+    Returns
+    -------
     of : the obstacle that carries each body
     blocked : whether something would meet even so: bodies must give way by themselves
     """
+    of: dict[int, Obstacle] = {}
+    tried, stuck = set[tuple[int, Obstacle]](), set(held)
 
-    def __init__(self, held: frozenset[int], meet: Callable[[Mapping[int, Obstacle]], Iterable[tuple[Object, Object]]]):
-        self.of: dict[int, Obstacle] = {}
-        self.blocked = False
-        self._held, self._tried, self._stuck = held, set[tuple[int, Obstacle]](), set[int]()
-        while True:
-            pairs = list(meet(self.of))
-            joined = {body: carrier for pair in pairs for body, carrier in self._joining(*pair)}
-            stuck = {body for pair in pairs for body in pair if body in self.of}
-            if joined:
-                self.of |= joined
-                self._tried |= set(joined.items())
-            elif stuck:  # pressed against something that does not go along
-                self._stuck |= stuck
-                self.of = {body: carrier for body, carrier in self.of.items() if body not in stuck}
-            else:
-                self.blocked = bool(pairs)
-                return
-
-    def _joining(self, one: Object, other: Object) -> Iterable[tuple[int, Obstacle]]:
+    def joining(one: Object, other: Object) -> Iterator[tuple[int, Obstacle]]:
         """Who could carry either of two objects that would meet: the other one's carrier, unless that was tried."""
         for body, by in ((one, other), (other, one)):
-            carrier = by if isinstance(by, Obstacle) else self.of.get(by)
+            carrier = by if isinstance(by, Obstacle) else of.get(by)
             if carrier is None or not carrier.moves or isinstance(body, Obstacle):
                 continue
-            if body not in self._held | self._stuck and (body, carrier) not in self._tried:
+            if body not in stuck and (body, carrier) not in tried:
                 yield body, carrier
+
+    while True:
+        pairs = list(meet(of))
+        joined = {body: carrier for pair in pairs for body, carrier in joining(*pair)}
+        pressed = {body for pair in pairs for body in pair if body in of}
+        if joined:
+            of |= joined
+            tried |= set(joined.items())
+        elif pressed:  # against something that does not go along
+            stuck |= pressed
+            of = {body: carrier for body, carrier in of.items() if body not in pressed}
+        else:
+            return of, bool(pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,9 +265,6 @@ class MotionParts:
 
     Attributes
     ----------
-    motion : ScriptedMotion
-    potential : IncrementalPotential
-    newton : Newton
     count : called after every solve
     """
 
@@ -333,15 +328,15 @@ class MotionParts:
         """
         motion, clock, t1 = self.motion, self.motion.clock, self.motion.end_of_span
         least, brief = (max(min(gain, 0.5 * (t1 - clock)), ON_TIME * (t1 - clock)) for gain in (least, brief))
-        carriers = motion.carriers(self.potential, x, t1)
-        if not (carriers.blocked or motion.moves_supports):
-            nothing, along, until = np.zeros_like(x.owned), motion.rows_of(carriers.of), t1
+        carried, blocked = motion.carriers(self.potential, x, t1)
+        if not (blocked or motion.moves_supports):
+            nothing, along, until = np.zeros_like(x.owned), motion.rows_of(carried), t1
             while until - clock > brief:  # each path is a tenth shorter or more
                 free, end = self._free_part(x, t1, until, nothing, along)
                 if end is not None:
                     return until, end
                 until = clock + free * (until - clock)
-        touched, aim = motion.touched(self.potential, x, carriers.of), t1
+        touched, aim = motion.touched(self.potential, x, carried), t1
         while aim - clock > least:
             path = motion.path(x, aim, np.zeros_like(x.owned), touched)
             direction, fixed, free, solved = prescribed_direction(self.newton, x, touched, path, aim)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pdvol.errors import ConvergenceError, SimulationError
-from pdvol.integrate.feedback import Feedback
+from pdvol.integrate.feedback import Push
 from pdvol.integrate.integrator import Integrator, Past, rates_of
 from pdvol.integrate.long_step import LongStep, Show
 from pdvol.integrate.scripted_motion import MotionParts, ScriptedMotion
@@ -69,12 +69,12 @@ class FromCoarser:
     ----------
     weights : called when a linear solver needs a coarse space, gives weights (n, m) over fewer vertices or None
     guides : that hold the level to the coarser one
-    feedback : of the drift from the coarser level
+    feedback : pushes against the drift from the coarser level
     """
 
     weights: Callable[[], csr_array | None] = lambda: None
     guides: Sequence[Guide] = ()
-    feedback: Sequence[Feedback] = ()
+    feedback: Sequence[Push] = ()
 
 
 ALONE = FromCoarser()
@@ -190,7 +190,7 @@ class Stepper:
         if self._end is None or self._end.whole is not x_t:
             self._end = Positions(self.space, rows(x_t))
         x_hat, velocity = integrator.predict(predicted, dt), predicted[0].velocity
-        pushes = [feedback.push(start, x_t) for feedback in self._feedback]
+        pushes = [push(start, x_t) for push in self._feedback]
         for push in map(rows, pushes if change is None else [*pushes, change]):
             x_hat, velocity = x_hat + push, velocity + push / dt
         rates = rates_of(integrator, past, self.space, t0, dt, tuple(self._lags)[1:])

@@ -16,7 +16,7 @@ from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import enclosed, nearest_points
 from pdvol.geometry.rigid_motions import best_rotations
 from pdvol.meshing.point_caches import Frames, read_frames
-from pdvol.scene import PointCache, TakeOver
+from pdvol.scene import Motion, PointCache, TakeOver
 
 LEAST_FILLED = 0.1  # of a cache's diagonal, of what lies inside it: in other units it would be smaller
 
@@ -43,34 +43,9 @@ class Matched:
         return np.einsum("nc,nc...->n...", self.weights, values[self.corners])
 
 
-@dataclass(frozen=True, eq=False)
-class CachedMotion:
-    """The motion (X, t) -> x of the vertices that it was made for."""
-
-    frames: Frames
-    matched: Matched
-    rows: np.ndarray
-    corners: np.ndarray
-    local: np.ndarray
-
-    @classmethod
-    def of(cls, frames: Frames, matched: Matched) -> "CachedMotion":
-        """The motion of matched vertices; offsets are kept in the bases of their facets in the first frame."""
-        rows, corners = np.unique(matched.corners, return_inverse=True)
-        corners = corners.reshape(matched.corners.shape)
-        bases = _bases(frames.frame(0)[rows][corners])
-        return cls(frames, matched, rows, corners, np.einsum("nij,ni->nj", bases, matched.offsets))
-
-    def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
-        """(n, d) [m]: where the vertices are at t [s]."""
-        facets = self.frames.at(t, self.rows)[self.corners]
-        places = np.einsum("nc,ncd->nd", self.matched.weights, facets)
-        return places + np.einsum("nij,nj->ni", _bases(facets), self.local)
-
-
-def cached_motion(motion: PointCache, vertices: np.ndarray, whose: str) -> CachedMotion:
-    """The motion of vertices (n, d) at rest, which are matched to the first frame of a point cache. What it encloses,
-    as a hand's skin does, may be at any depth.
+def cached_motion(motion: PointCache, vertices: np.ndarray, whose: str) -> Motion:
+    """The motion of vertices (n, d) at rest, which are matched to the first frame of a point cache, with their offsets
+    in the bases of their facets. What it encloses, as a hand's skin does, may be at any depth.
 
     Raises
     ------
@@ -79,7 +54,17 @@ def cached_motion(motion: PointCache, vertices: np.ndarray, whose: str) -> Cache
         support".
     """
     frames = read_frames(motion)
-    return CachedMotion.of(frames, _matched(motion, frames, 0, vertices, whose, encloses=True))
+    matched = _matched(motion, frames, 0, vertices, whose, encloses=True)
+    rows, corners = np.unique(matched.corners, return_inverse=True)
+    corners = corners.reshape(matched.corners.shape)
+    local = np.einsum("nij,ni->nj", _bases(frames.frame(0)[rows][corners]), matched.offsets)
+
+    def follow(X: np.ndarray, t: float) -> np.ndarray:
+        facets = frames.at(t, rows)[corners]
+        places = np.einsum("nc,ncd->nd", matched.weights, facets)
+        return places + np.einsum("nij,nj->ni", _bases(facets), local)
+
+    return follow
 
 
 def taken_velocity(taken: TakeOver, points: np.ndarray, on_surface: np.ndarray, whose: str) -> np.ndarray:

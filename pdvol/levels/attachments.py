@@ -26,28 +26,6 @@ LEAST_WEIGHTS, MOST_WEIGHTS = 2.0, 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Springs:
-    """Springs between material points of a scene, whatever its levels; k of them.
-
-    Attributes
-    ----------
-    ends : (2, k, d) [m]
-        Rest positions.
-    bodies : (2, k) int
-        The bodies that these belong to.
-    stiffness : (k,) [N/m]
-    rest_length : (k,) [m], NaN for the length at t = 0
-    strength : (k,) [N], inf where a spring never breaks
-    """
-
-    ends: np.ndarray
-    bodies: np.ndarray
-    stiffness: np.ndarray
-    rest_length: np.ndarray
-    strength: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
 class BoundSprings:
     """Springs on a level: a spring's vector is the sum of weights times positions of points.
 
@@ -65,31 +43,52 @@ class BoundSprings:
     strength: np.ndarray
 
 
-def attachment_springs(scene: Scene, mesh: LevelMesh, start: np.ndarray) -> Springs:
-    """The springs of all attachments of a scene, chosen on its coarsest level's mesh: parts by their rest positions,
-    and the nearest places to them where points are at t = 0, `start` (n, d) [m].
+def bound_springs(
+    scene: Scene, coarsest: LevelMesh, begun: np.ndarray, mesh: LevelMesh, start: np.ndarray
+) -> tuple[BoundSprings, ...]:
+    """The springs of all attachments of a scene on a level, as one `BoundSprings`; none where there are no attachments.
+    They are chosen on the coarsest level: parts by their rest positions, and the nearest places to them where points
+    are at t = 0.
+
+    Parameters
+    ----------
+    begun : (n, d) [m]
+        Where the coarsest level's points are at t = 0.
+    start : (n, d) [m]
+        The same of the level's own.
 
     Raises
     ------
     InputError
         A part holds no facet, or a function of the scene fails.
     """
-    return _joined([_chosen(scene, attachment, mesh, start) for attachment in scene.attachments], mesh.dim)
+    if not scene.attachments:
+        return ()
+    chosen = [_chosen(scene, attachment, coarsest, begun) for attachment in scene.attachments]
+    ends, bodies, stiffness, rest, strength = (np.concatenate(parts) for parts in zip(*chosen, strict=True))
+    cells, weights = nearest_material(mesh, ends.reshape(-1, mesh.dim), bodies.ravel())
+    points = mesh.cells[cells].reshape(len(ends), -1)
+    signs = np.array([-1.0, 1.0])[:, None]
+    weights = (signs * weights.reshape(len(ends), 2, -1)).reshape(points.shape)
+    lengths = np.linalg.norm(np.einsum("ka,kai->ki", weights, start[points]), axis=1)
+    return (BoundSprings(points, weights, stiffness, np.where(np.isnan(rest), lengths, rest), strength),)
 
 
-def _chosen(scene: Scene, attachment: Attachment, mesh: LevelMesh, start: np.ndarray) -> Springs:
+def _chosen(scene: Scene, attachment: Attachment, mesh: LevelMesh, start: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of k springs: rest positions of their ends (k, 2, d) [m] and the bodies (k, 2) that these belong to; stiffness
+    (k,) [N/m]; rest length (k,) [m], NaN for the length at t = 0; strength (k,) [N], inf where one never breaks.
+    """
     names = [body.name for body in scene.bodies]
     bodies = names.index(attachment.body), names.index(attachment.other)
     starts, fractions = _starts(mesh, bodies[0], attachment)
     ends = _ends(mesh, start, bodies, attachment, starts)
-    count = len(starts)
-    length, strength = attachment.rest_length, attachment.breaking
-    return Springs(
-        ends=np.stack([starts, ends]),
-        bodies=np.repeat(np.array(bodies)[:, None], count, axis=1),
-        stiffness=attachment.stiffness * fractions,
-        rest_length=np.full(count, np.nan if length is None else length),
-        strength=np.full(count, np.inf) if strength is None else strength * fractions,
+    count, length, strength = len(starts), attachment.rest_length, attachment.breaking
+    return (
+        np.stack([starts, ends], axis=1),
+        np.tile(bodies, (count, 1)),
+        attachment.stiffness * fractions,
+        np.full(count, np.nan if length is None else length),
+        np.full(count, np.inf) if strength is None else strength * fractions,
     )
 
 
@@ -140,31 +139,6 @@ def _part(mesh: LevelMesh, body: int, name: str, what: str, where: Callable[[np.
     return mine[held]
 
 
-def _joined(parts: list[Springs], dim: int) -> Springs:
-    if not parts:
-        none = np.zeros(0)
-        return Springs(np.zeros((2, 0, dim)), np.zeros((2, 0), dtype=int), none, none, none)
-    return Springs(
-        *(np.concatenate([getattr(p, name) for p in parts], axis=1) for name in ("ends", "bodies")),
-        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("stiffness", "rest_length", "strength")),
-    )
-
-
-def bound_springs(springs: Springs, mesh: LevelMesh, start: np.ndarray) -> tuple[BoundSprings, ...]:
-    """The springs on a level whose points are at `start` (n, d) [m] at t = 0, as one `BoundSprings`; none where there
-    are no springs.
-    """
-    if len(springs.stiffness) == 0:
-        return ()
-    cells, weights = nearest_material(mesh, np.concatenate(springs.ends), springs.bodies.ravel())
-    points = np.hstack(np.split(mesh.cells[cells], 2))
-    begins, ends = np.split(weights, 2)
-    weights = np.hstack([-begins, ends])
-    lengths = np.linalg.norm(np.einsum("ka,kai->ki", weights, start[points]), axis=1)
-    rest = np.where(np.isnan(springs.rest_length), lengths, springs.rest_length)
-    return (BoundSprings(points, weights, springs.stiffness, rest, springs.strength),)
-
-
 BoundPull = tuple[np.ndarray, np.ndarray, tuple[float, float, float]]
 """A pull on a level: the points (m,) of its patch, their shares (m,), whose sum is one, and the law of its spring:
 stiffness k [N/m], the length [m] at which the force k times that length is nearly its bound, and the time [s] in which
@@ -177,7 +151,6 @@ class Pulls:
 
     Parameters
     ----------
-    scene : Scene
     coarsest, mesh : of the coarsest level, on which patches are chosen, and of this one
     """
 

@@ -29,7 +29,7 @@ def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
         """(n, d) [m] points of a body's shape, as placed, of all bodies without a name; read where they are needed."""
         for body in scene.bodies:
             if body.name not in points and name in ("", body.name):
-                points[body.name] = body.placement(_points(body))
+                points[body.name] = body.placement(shape_points(body))
         return np.vstack([points[body.name] for body in scene.bodies if name in ("", body.name)])
 
     with np.errstate(all="ignore"):
@@ -38,7 +38,7 @@ def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
                 X = of(body_name)
                 called(name, function, (X.copy(),), X.shape if gives else X.shape[:1])
         for muscle in scene.muscles:
-            if callable(muscle.activation) and not isinstance(muscle.activation, Keyed):
+            if callable(muscle.activation):
                 X = of(muscle.body)
                 both = fits(muscle.activation, 2)
                 arguments, shape = ((0.0, X.copy()), X.shape[:1]) if both else ((0.0,), ())
@@ -58,9 +58,9 @@ def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
                 obstacle.at(time)
 
 
-def _points(body: Body) -> np.ndarray:
+def shape_points(body: Body) -> np.ndarray:
     """Points (n, d) of a body's shape, of the coarsest level's where each has its own."""
-    shape = read_shape(body.shape[0] if isinstance(body.shape, (tuple, list)) else body.shape)
+    shape = read_shape(body.shape[0] if isinstance(body.shape, tuple) else body.shape)
     return shape.points if isinstance(shape, Outline) else shape.vertices
 
 

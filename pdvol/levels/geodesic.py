@@ -30,7 +30,6 @@ def bind_outside(
 
     Parameters
     ----------
-    target, source : LevelMesh
     cells : (n,) int64
         Home cell of each target point, -1 where it is outside.
     rays : whether rays along edges are cast; neighbours alone decide otherwise

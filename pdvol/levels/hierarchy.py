@@ -1,7 +1,6 @@
 """The levels of a scene, coarsest first, and the prolongations between neighbours."""
 
 from collections.abc import Sequence
-from typing import overload
 
 import numpy as np
 from mpi4py import MPI
@@ -22,24 +21,25 @@ MAX_WEIGHTS = 30
 MIN_COARSENING = 20
 
 
-class Hierarchy(Sequence[LevelSpace]):
-    """A sequence of `LevelSpace`: `hierarchy[0]` is the coarsest, `hierarchy[-1]` the finest. Construction is
-    collective.
+class Hierarchy:
+    """The `LevelSpace` of each level: `hierarchy[0]` is the coarsest, `hierarchy[-1]` the finest. Each is made when it
+    is first needed, which is collective.
 
     Parameters
     ----------
-    level_meshes : sequence of LevelMesh
-        Coarsest first; at least one.
-    comm : MPI.Comm
-    interpolant : str
-        A name in `pdvol.registry.INTERPOLANTS`.
+    level_meshes : coarsest first; at least one
+    interpolant : a name in `pdvol.registry.INTERPOLANTS`
     places : (n, d) [m]
         Positions of the finest level by which it is divided among the ranks.
+
+    Attributes
+    ----------
+    meshes : tuple of LevelMesh, as given
 
     Raises
     ------
     ValueError, InputError
-        No level; an unknown interpolant. On all ranks, before any communication.
+        No level; an unknown interpolant.
     """
 
     def __init__(
@@ -52,22 +52,19 @@ class Hierarchy(Sequence[LevelSpace]):
         if len(level_meshes) == 0:
             raise ValueError("a hierarchy needs at least one level")
         INTERPOLANTS.check(interpolant)
-        self.comm, self.interpolant = comm, interpolant
-        *coarser, finest = level_meshes
-        self._spaces = (*(LevelSpace(mesh, comm) for mesh in coarser), LevelSpace(finest, comm, places))
+        self.meshes, self.comm, self.interpolant, self._places = tuple(level_meshes), comm, interpolant, places
+        self._spaces: dict[int, LevelSpace] = {}
         self._bindings: dict[int, Binding] = {}
         self._prolongations: dict[int, Prolongation] = {}
 
     def __len__(self) -> int:
-        return len(self._spaces)
+        return len(self.meshes)
 
-    @overload
-    def __getitem__(self, level: int) -> LevelSpace: ...
-
-    @overload
-    def __getitem__(self, level: slice) -> Sequence[LevelSpace]: ...
-
-    def __getitem__(self, level: int | slice) -> LevelSpace | Sequence[LevelSpace]:
+    def __getitem__(self, level: int) -> LevelSpace:
+        level = range(len(self))[level]
+        if level not in self._spaces:
+            places = self._places if level == len(self) - 1 else None
+            self._spaces[level] = LevelSpace(self.meshes[level], self.comm, places)
         return self._spaces[level]
 
     def prolongation(self, level: int) -> Prolongation:
@@ -106,7 +103,7 @@ class Hierarchy(Sequence[LevelSpace]):
         """(m,) int64: the coarsest level's cell that each cell of a level inherits from, through its home on every
         level between. Collective.
         """
-        cells = np.arange(len(self[level].mesh.cells))
+        cells = np.arange(len(self.meshes[level].cells))
         for k in range(level, 0, -1):
             cells = home_cells(self[k], self[k - 1], self._binding(k))[cells]
         return cells
@@ -118,7 +115,7 @@ class Hierarchy(Sequence[LevelSpace]):
         That is the finest level with at most `MAX_COARSE_VERTICES` vertices and at least `MIN_COARSENING` times fewer
         than the level itself, if the weights have at most `MAX_WEIGHTS` entries per row.
         """
-        sizes = [len(space.mesh.points) for space in self._spaces]
+        sizes = [len(mesh.points) for mesh in self.meshes]
         fitting = [k for k in range(level) if sizes[k] <= min(MAX_COARSE_VERTICES, sizes[level] / MIN_COARSENING)]
         if not fitting:
             return None

@@ -25,28 +25,6 @@ MEND = "move them apart, or give more vertices to coarse levels"
 MEND_LEVEL = "on level {free} they are apart: give level {level} more vertices or a mesh of its own, or move them apart"
 
 
-def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> None:
-    """Raise unless every level of a scene with contact is free of intersections at t = 0. Serial.
-
-    Parameters
-    ----------
-    level_meshes : the levels, coarsest first, with their points where they are at t = 0 (`started`)
-    obstacles : of the scene
-    bodies : their names
-
-    Raises
-    ------
-    IntersectionError
-        Names the level, the two bodies or obstacles, and example primitives; `pairs` has all of them. Edges and
-        triangles are given by their vertices, numbered as in the level's mesh or in the obstacle.
-    InputError
-        An obstacle's dimension is not the bodies'.
-    """
-    for level, mesh in enumerate(level_meshes):
-        for defect in find_defects(level, mesh, obstacles, bodies, level_meshes):
-            raise defect.error
-
-
 @dataclass(frozen=True, eq=False)
 class Defect:
     """What stops a run on a level: mostly something that crosses, touches or contains another at t = 0.
@@ -62,15 +40,6 @@ class Defect:
     primitives: list[np.ndarray]
 
 
-@dataclass(frozen=True)
-class Gap:
-    """The nearest two primitives: distance [m], and both in words."""
-
-    distance: float
-    one: str
-    other: str
-
-
 def find_defects(
     level: int,
     mesh: LevelMesh,
@@ -78,9 +47,17 @@ def find_defects(
     bodies: Sequence[str],
     level_meshes: Sequence[LevelMesh] = (),
 ) -> Iterator[Defect]:
-    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`.
+    """What crosses, touches or contains another on a level of a scene with contact at t = 0, found one after the other.
+    Serial. An error names the level, the two bodies or obstacles, and example primitives; its `pairs` has all of them,
+    by their vertices, numbered as in the level's mesh or in the obstacle. Raises InputError where an obstacle's
+    dimension is not the bodies'.
 
-    Where the finest of `level_meshes` keeps apart what meets on this level, the errors say so.
+    Parameters
+    ----------
+    mesh : of the level, with its points where they are at t = 0 (`started`)
+    obstacles : of the scene
+    bodies : their names
+    level_meshes : all levels, coarsest first; where the finest keeps apart what meets on this level, errors say so
     """
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
@@ -98,18 +75,19 @@ def find_defects(
 
 def smallest_gap(
     mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str], reach: float
-) -> tuple[Gap | None, int]:
-    """The smallest gap at t = 0 up to `reach` [m], if there is one, and how many pairs of primitives are that near.
-    Nothing may cross.
+) -> tuple[dict[str, Any] | None, int]:
+    """The smallest gap at t = 0 up to `reach` [m], if there is one: its `distance` [m] and both primitives in words,
+    `one` and `other`; and how many pairs of primitives are that near. Nothing may cross.
     """
     gap, count = _Boundaries(mesh, obstacles, bodies).gap(reach)
     for plane in _planes(obstacles):
         height = _heights(mesh.points, plane)
         nearest = int(np.argmin(height))
         count += int((height < reach).sum())
-        if height[nearest] < (reach if gap is None else gap.distance):
+        if height[nearest] < (reach if gap is None else gap["distance"]):
             body = bodies[mesh.point_bodies[nearest]]
-            gap = Gap(float(height[nearest]), f"vertex {nearest} of body {body!r}", plane.label)
+            one = f"vertex {nearest} of body {body!r}"
+            gap = {"distance": float(height[nearest]), "one": one, "other": plane.label}
     return gap, count
 
 
@@ -126,7 +104,7 @@ def count_intersections(
     Parameters
     ----------
     positions : (n, d) [m]
-    obstacles, bodies : as `check_start` takes them
+    obstacles, bodies : as `find_defects` takes them
     places : of the obstacles, each a `Place`
     """
     behind = sum(int(np.sum(_heights(positions, plane, places[plane]) <= 0.0)) for plane in _planes(obstacles))
@@ -262,8 +240,8 @@ class _Boundaries:
         if len(touching):
             yield self._defect(level, "touches", apart, [([a], [b]) for a, b in touching])
 
-    def gap(self, reach: float) -> tuple[Gap | None, int]:
-        """The nearest two primitives up to `reach` [m], and how many pairs are that near."""
+    def gap(self, reach: float) -> tuple[dict[str, Any] | None, int]:
+        """As `smallest_gap`, of the boundaries alone."""
         import ipctk
 
         vertices, edges, faces = fortran(self.points, self.edges, self.faces)
@@ -280,7 +258,7 @@ class _Boundaries:
         one, other = (
             f"{WORDS[len(part)]} {self._numbers(part)} of {self._whose(part[0])}" for part in (ids[:first], ids[first:])
         )
-        return Gap(float(np.sqrt(squares[k])), one, other), len(near)
+        return {"distance": float(np.sqrt(squares[k])), "one": one, "other": other}, len(near)
 
     def _numbers(self, vertices: Iterable[int]) -> tuple[int, ...]:
         return tuple(int(self.labels[v]) for v in vertices)

@@ -4,9 +4,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
+import scipy.sparse as sp
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.boundary_search import BoundarySearch
+from pdvol.geometry.flat_faces import unit_normals
+from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
+from pdvol.levels.geodesic import vertex_adjacency
 from pdvol.levels.initial_state import Defect, find_defects
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.script import Obstacle
@@ -22,6 +26,12 @@ DAMPING_POWERS = {"implicit_euler": 2, "bdf2": 4}
 n steps (docs/benchmarks.md, a spin)."""
 LOST_SPIN = 0.1
 """Share of a spin: more of it lost to time stepping alone within a shot shows."""
+FACING = -0.7  # cosine between the normals of two facets below which they are the two sides of a part
+THINNEST_SHARE = 0.01  # of the area of a body's facets with another side: the thinnest ones set its thickness
+AS_THIN = 1.5  # ratio of thicknesses up to which facets belong to the thinnest part
+LOOKED_AT = 200  # facets of it whose cells are counted: more take longer and change no median
+MOST_CELLS = 10  # cells that are counted
+INSET = 1e-6  # of a body's size: rays begin so far inside
 
 
 def level_defects(
@@ -98,6 +108,37 @@ def _slower_damping(scene: Scene, turn: float) -> str:
     words = f"dt = {dt:.2g} s takes {100 * LOST_SPIN:g} %"
     other = 1.0 - spin_kept("bdf2", turn, scene.steps)
     return words if scene.integrator == "bdf2" else f"{words}; integrator=bdf2 {100 * other:.2g} %"
+
+
+def cells_through(mesh: LevelMesh, number: int) -> tuple[int, float]:
+    """Cells through the thinnest part of a body, its median and `MOST_CELLS` at most, and its thickness [m]. They are
+    the fewest edges from a boundary facet to the one behind.
+    """
+    mesh = mesh.body(number)[0]
+    facets = mesh.boundary
+    normals = unit_normals(mesh.points, facets)
+    size, centres = float(np.linalg.norm(np.ptp(mesh.points, axis=0))), mesh.points[facets].mean(axis=1)
+    behind, away = BoundarySearch(mesh, number).first_hits(centres - INSET * size * normals, centres - size * normals)
+    away += INSET * size
+    facing = (behind >= 0) & ((normals * normals[behind]).sum(axis=1) < FACING)
+    facing &= ~(facets[:, :, None] == facets[behind][:, None]).any(axis=(1, 2))
+    if not facing.any():
+        return 1, float(away.min())
+    order = np.flatnonzero(facing)[np.argsort(away[facing], kind="stable")]
+    areas = np.cumsum(facet_sizes(mesh.points, facets[order]))
+    thickness = float(away[order[np.searchsorted(areas, THINNEST_SHARE * areas[-1])]])
+    part = order[away[order] <= AS_THIN * thickness]
+    part = part[:: -(-len(part) // LOOKED_AT)]
+    row, shape = np.repeat(np.arange(len(part)), mesh.dim), (len(part), len(mesh.points))
+    reached, wanted = (
+        sp.csr_array((np.ones(len(row)), (row, facets[which].ravel())), shape=shape) for which in (part, behind[part])
+    )
+    adjacency = vertex_adjacency(mesh).astype(float)
+    for count in range(1, MOST_CELLS):
+        reached = (reached + reached @ adjacency).sign()
+        if (reached * wanted).sum(axis=1).astype(bool).mean() >= 0.5:
+            return count, thickness
+    return MOST_CELLS, thickness
 
 
 def _check_distance(scene: Scene, mesh: LevelMesh, dhat: float) -> None:

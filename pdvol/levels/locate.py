@@ -28,7 +28,6 @@ def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace)
     points : (n, d) float64 [m]
         Replicated on all ranks.
     bodies : (n,) int
-    source : LevelSpace
 
     Returns
     -------

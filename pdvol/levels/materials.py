@@ -1,4 +1,6 @@
-"""The materials of cells: chosen on the coarsest level, carried to finer ones by the binding (docs/scenes.md)."""
+"""The materials of cells, and the cells of muscles: chosen on the coarsest level, carried to finer ones by the binding
+(docs/scenes.md).
+"""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -8,8 +10,8 @@ import ufl
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh, simplex_centres
-from pdvol.scene import Keyed, Material, Region, Scene, lame
-from pdvol.scene.checks import called
+from pdvol.scene import Keyed, Material, Muscle, Region, Scene, lame
+from pdvol.scene.checks import called, chosen
 
 if TYPE_CHECKING:  # it loads the finite elements, which describing a scene does not need
     from pdvol.levels.hierarchy import Hierarchy
@@ -111,8 +113,72 @@ def _held(region: Region, name: str, mesh: LevelMesh, mine: np.ndarray) -> np.nd
 def level_materials(scene: Scene, hierarchy: "Hierarchy", level: int) -> CellMaterials:
     """Materials of the cells of any level. Collective where they differ within a body: only then is anything bound."""
     if level == 0 or all(body.uniform for body in scene.bodies):
-        return cell_materials(scene, hierarchy[level].mesh)
-    return cell_materials(scene, hierarchy[0].mesh).carried(hierarchy.origins(level))
+        return cell_materials(scene, hierarchy.meshes[level])
+    return cell_materials(scene, hierarchy.meshes[0]).carried(hierarchy.origins(level))
+
+
+@dataclass(frozen=True, eq=False)
+class CellMuscle:
+    """A muscle on a level.
+
+    Attributes
+    ----------
+    cells : (k,) int64, ascending, in the input's order
+    places : (k, d) [m]
+        Where its functions are evaluated: centres of the coarsest level's cells.
+    fibres : (k, d) unit vectors
+    """
+
+    muscle: Muscle
+    cells: np.ndarray
+    places: np.ndarray
+    fibres: np.ndarray
+
+    def carried(self, origins: np.ndarray) -> "CellMuscle":
+        """The same on a finer level whose cells inherit from these: `origins` (m_fine,)."""
+        rows = np.full(int(origins.max(initial=0)) + 1, -1)
+        known = self.cells < len(rows)
+        rows[self.cells[known]] = np.flatnonzero(known)
+        taken = rows[origins]
+        cells = np.flatnonzero(taken >= 0)
+        return CellMuscle(self.muscle, cells, self.places[taken[cells]], self.fibres[taken[cells]])
+
+
+def cell_muscles(scene: Scene, mesh: LevelMesh) -> tuple[CellMuscle, ...]:
+    """The muscles on a scene's coarsest level.
+
+    Raises
+    ------
+    InputError
+        A muscle holds no cell, or one of its functions fails at the start or at the end of the scene.
+    """
+    if not scene.muscles:
+        return ()
+    names, centres = [body.name for body in scene.bodies], simplex_centres(mesh.points, mesh.cells)
+    places = simplex_centres(mesh.on_the_shape, mesh.cells)
+    found = []
+    for muscle in scene.muscles:
+        mine = mesh.bodies == names.index(muscle.body)
+        mine[mine] = chosen("Muscle.where", muscle.where, places[mine])
+        cells = np.flatnonzero(mine)
+        if len(cells) == 0:
+            raise InputError(
+                f"Muscle.where holds no cell of body {muscle.body!r} on the coarsest level; widen it, or give that"
+                " level more vertices"
+            )
+        for time in (0.0, scene.dt, scene.dt * scene.steps):
+            muscle.tension(time, centres[cells])
+        found.append(CellMuscle(muscle, cells, centres[cells], muscle.fibres(centres[cells])))
+    return tuple(found)
+
+
+def level_muscles(scene: Scene, hierarchy: "Hierarchy", level: int) -> tuple[CellMuscle, ...]:
+    """The muscles on any level. Collective where there are some: only then is anything bound."""
+    coarsest = cell_muscles(scene, hierarchy.meshes[0])
+    if level == 0 or not coarsest:
+        return coarsest
+    origins = hierarchy.origins(level)
+    return tuple(muscle.carried(origins) for muscle in coarsest)
 
 
 def check_laws(scene: Scene, dim: int) -> None:

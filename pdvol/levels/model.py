@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.attachments import BoundSprings, Pulls, attachment_springs, bound_springs
+from pdvol.levels.attachments import BoundSprings, Pulls, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
-from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
+from pdvol.levels.materials import CellMaterials, CellMuscle, level_materials, level_muscles
 from pdvol.levels.obstacles import ground_of
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
 from pdvol.levels.script import HeldPoints, Obstacle
@@ -27,40 +26,6 @@ class PlacedLoad:
 
     load: Load
     mask: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionModel:
-    """Friction with its coefficients by pairs.
-
-    Attributes
-    ----------
-    mu : coefficient, or a symmetric matrix between the bodies and, behind them, the obstacles
-    eps_v : sliding speed [m/s] below which friction is smoothed
-    iterations : solves of a step with friction lagged anew, at most
-    tolerance : relative change of the friction forces that counts as converged
-    """
-
-    mu: float | np.ndarray
-    eps_v: float
-    iterations: int
-    tolerance: float
-
-
-@dataclass(frozen=True, eq=False)
-class ContactModel:
-    """The barrier of a scene, with its friction.
-
-    Attributes
-    ----------
-    dhat : distance [m] at which contact begins to push
-    kappa : stiffness [Pa] of the convergent law
-    friction : none or one
-    """
-
-    dhat: float
-    kappa: float
-    friction: tuple[FrictionModel, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +46,8 @@ class LevelModel:
     supports : tuple of HeldPoints
     obstacles : tuple of Obstacle
     ground : none or one of the obstacles (`obstacles.ground_of`)
-    contact : none or one ContactModel
+    contact : the scene's
+    diagonal : of the smallest free body [m], of which relative lengths and speeds of `contact` are fractions
     springs : none or one BoundSprings, of all attachments
     pulls : none or one Pulls, of the scene and its hand
     muscles : tuple of CellMuscle
@@ -102,7 +68,8 @@ class LevelModel:
     supports: tuple[HeldPoints, ...]
     obstacles: tuple[Obstacle, ...]
     ground: tuple[Obstacle, ...]
-    contact: tuple[ContactModel, ...]
+    contact: tuple[Barrier | Friction, ...]
+    diagonal: float
     springs: tuple[BoundSprings, ...]
     pulls: tuple[Pulls, ...]
     muscles: tuple[CellMuscle, ...]
@@ -122,9 +89,9 @@ class LevelModel:
         return free
 
     @property
-    def friction(self) -> tuple[FrictionModel, ...]:
+    def friction(self) -> tuple[Friction, ...]:
         """None or one."""
-        return self.contact[0].friction if self.contact else ()
+        return tuple(each for each in self.contact if isinstance(each, Friction))
 
     def begins_anew(self, step: int) -> bool:
         """Whether velocities or forces jump where a step ends: a support lets go there, pulls begin or end, or an
@@ -141,38 +108,24 @@ class LevelModel:
 
 
 def level_model(
-    scene: Scene,
-    mesh: LevelMesh,
-    level: int,
-    diagonal: float,
-    obstacles: Sequence[Obstacle] = (),
-    materials: CellMaterials | None = None,
-    coarsest: LevelMesh | None = None,
-    muscles: tuple[CellMuscle, ...] | None = None,
+    scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence[Obstacle] = ()
 ) -> LevelModel:
-    """A scene on one level. Not collective: every rank makes the same one.
+    """A scene on a level of a hierarchy; materials, muscles and attachments are chosen on the coarsest level.
+    Collective.
 
     Parameters
     ----------
     diagonal : of the smallest free body [m] (`scene_diagonal`), for relative lengths
     obstacles : of the scene (`placed_obstacles`)
-    materials : of the level's cells; where not given, as if the level were the coarsest
-    coarsest : the coarsest level, on which springs are chosen, likewise
-    muscles : of the level's cells, likewise
 
     Raises
     ------
     InputError
         A function of the scene fails, or a support or a load holds no vertex.
     """
-    materials = cell_materials(scene, mesh) if materials is None else materials
-    names = tuple(body.name for body in scene.bodies)
-    start, coarsest = start_positions(scene, mesh, level), mesh if coarsest is None else coarsest
-    springs = attachment_springs(scene, coarsest, start if coarsest is mesh else start_positions(scene, coarsest, 0))
-    supports = []
-    for support in scene.supports:
-        mask, motion = supported_points(scene, support, mesh, level, start)
-        supports.append(HeldPoints(mask, start[mask], motion, support.release))
+    mesh, coarsest = hierarchy.meshes[level], hierarchy.meshes[0]
+    materials = level_materials(scene, hierarchy, level)
+    start = start_positions(scene, mesh, level)
     everywhere = np.ones(len(mesh.points), dtype=bool)
     loads = (
         PlacedLoad(load, everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh))
@@ -182,65 +135,22 @@ def level_model(
         level=level,
         mesh=mesh,
         start=start,
-        bodies=names,
+        bodies=tuple(body.name for body in scene.bodies),
         materials=materials,
         velocity=initial_velocity(scene, mesh, start),
         loads=tuple(loads),
-        supports=tuple(supports),
+        supports=tuple(supported_points(scene, support, mesh, level, start) for support in scene.supports),
         obstacles=tuple(obstacles),
         ground=ground_of(scene.supports, obstacles, scene.dt * scene.steps),
-        contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
-        springs=bound_springs(springs, mesh, start),
+        contact=tuple(scene.contact),
+        diagonal=diagonal,
+        springs=bound_springs(scene, coarsest, start_positions(scene, coarsest, 0), mesh, start),
         pulls=(Pulls(scene, coarsest, mesh),) if scene.pulls or scene.hand else (),
-        muscles=cell_muscles(scene, mesh) if muscles is None else muscles,
+        muscles=level_muscles(scene, hierarchy, level),
         penalty=scene.penalty,
         feedback=scene.feedback,
         integrator=scene.integrator,
         solver=replace(scene.solver, tolerance=metres(scene.solver.tolerance, diagonal)),
         dt=scene.dt,
         steps=scene.steps,
-    )
-
-
-def hierarchy_model(
-    scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence[Obstacle] = ()
-) -> LevelModel:
-    """A scene on a level of a hierarchy; materials, muscles and attachments are chosen on the coarsest level.
-    Collective.
-
-    Parameters and errors as for `level_model`.
-    """
-    materials = level_materials(scene, hierarchy, level)
-    muscles, coarsest = level_muscles(scene, hierarchy, level), hierarchy[0].mesh
-    return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials, coarsest, muscles)
-
-
-def contact_models(
-    contact: Sequence[Barrier | Friction],
-    bodies: Sequence[str],
-    obstacles: Sequence[Obstacle],
-    diagonal: float,
-    softest: float,
-) -> tuple[ContactModel, ...]:
-    """The barrier of a scene with its friction; empty where it has none.
-
-    Parameters
-    ----------
-    bodies : their names
-    diagonal : of the smallest free body [m]
-    softest : the lowest Young's modulus [Pa]
-    """
-    names = [*bodies, *(o.name for o in obstacles)]
-    frictions = tuple(
-        FrictionModel(
-            mu=np.array([[f.between(one, other) for other in names] for one in names]) if f.pairs else f.mu,
-            eps_v=metres(f.eps_v, diagonal),
-            iterations=f.iterations,
-            tolerance=f.tolerance,
-        )
-        for f in contact
-        if isinstance(f, Friction)
-    )
-    return tuple(
-        ContactModel(metres(b.dhat, diagonal), b.kappa(softest), frictions) for b in contact if isinstance(b, Barrier)
     )

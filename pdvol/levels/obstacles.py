@@ -63,13 +63,9 @@ def placed_obstacles(
     Raises
     ------
     InputError
-        A shape, a point cache or a motion cannot be read or does not fit, or `geometry` has another length.
+        A shape, a point cache or a motion cannot be read or does not fit.
     """
-    shapes = read_geometry(obstacles) if geometry is None else list(geometry)
-    solid = sum(not isinstance(o, Plane) for o in obstacles)
-    if solid != len(shapes):
-        raise InputError(f"{len(shapes)} obstacle meshes for {solid} obstacles with a mesh; give one for each")
-    remaining = iter(shapes)
+    remaining = iter(read_geometry(obstacles) if geometry is None else geometry)
     placed = tuple(plane_obstacle(o) if isinstance(o, Plane) else _with_mesh(o, next(remaining)) for o in obstacles)
     for obstacle in placed:
         obstacle.at(0.0)

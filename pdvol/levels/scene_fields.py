@@ -7,9 +7,9 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets, simplex_centres
-from pdvol.levels.materials import cell_materials, check_laws
-from pdvol.levels.muscles import cell_muscles
+from pdvol.levels.materials import cell_materials, cell_muscles, check_laws
 from pdvol.levels.obstacles import motion_of
+from pdvol.levels.script import HeldPoints
 from pdvol.levels.start import start_positions
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.readers import read_shape
@@ -20,7 +20,6 @@ from pdvol.scene import (
     Impulse,
     Keyed,
     Load,
-    Motion,
     PointCache,
     PointForce,
     Pressure,
@@ -124,11 +123,9 @@ def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
     return chosen(f"a {type(chooser).__name__.lower()}'s `where`", where, points)
 
 
-def supported_points(
-    scene: Scene, support: Support, mesh: LevelMesh, level: int, start: np.ndarray
-) -> tuple[np.ndarray, Motion]:
-    """(n,) bool: the level's points that a support holds, and their motion from where they are at t = 0, `start` (n, d)
-    [m]; where a point cache moves them, those on the surface.
+def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int, start: np.ndarray) -> HeldPoints:
+    """The level's points that a support holds, which are at `start` (n, d) [m] at t = 0; where a point cache moves
+    them, those on the surface.
 
     Raises
     ------
@@ -146,7 +143,7 @@ def supported_points(
     motion = motion_of(support.motion, start[held], support_label(support, level))
     for time in motion_times(scene, support):
         moved(motion, start[held], time, "a support")
-    return held, motion
+    return HeldPoints(held, start[held], motion, support.release)
 
 
 def motion_times(scene: Scene, support: Support | None = None) -> list[float]:
@@ -174,9 +171,9 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
         check_laws(scene, mesh.dim)
         cell_muscles(scene, mesh)
         if scene.attachments or scene.pulls or scene.hand:
-            from pdvol.levels.attachments import Pulls, attachment_springs  # it loads search trees and finite elements
+            from pdvol.levels.attachments import Pulls, bound_springs  # it loads search trees and finite elements
 
-            attachment_springs(scene, mesh, start)
+            bound_springs(scene, mesh, start, mesh, start)
             Pulls(scene, mesh, mesh).check()
         cell_materials(scene, mesh)
     for support in scene.supports:

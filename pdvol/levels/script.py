@@ -33,17 +33,14 @@ class Obstacle:
 
     Attributes
     ----------
-    name : str
     kind : "plane", "mesh" (a surface in 3D) or "polyline" (in 2D)
     vertices : (k, d) [m]
         At rest. Of a plane: a point on it, and from there the ends of its unit normal and of d - 1 unit tangents.
     edges, faces : (e, 2) and (f, 3) int
         None of a plane; no faces in 2D.
     motion : (X, t) -> x
-    closed : bool
-        Whether a surface or polyline encloses a volume.
-    opacity : float
-        How pictures draw a surface, above 0 and at most 1.
+    closed : whether a surface or polyline encloses a volume
+    opacity : how pictures draw a surface, above 0 and at most 1
     """
 
     name: str

@@ -4,7 +4,6 @@ A level's mesh stays the shape without stress: energies, masses, areas of contac
 are those of the mesh. What is checked at t = 0, and what holds from t = 0 on, is evaluated at the start.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -34,8 +33,12 @@ def start_positions(scene: Scene, mesh: LevelMesh, level: int) -> np.ndarray:
             continue
         mine = mesh.point_bodies == number
         name = f"level {level}: the start of body {body.name!r}"
-        positions[mine] = _begun(body.start, mesh.points[mine], name)
-        size, far = float(np.linalg.norm(np.ptp(mesh.points[mine], axis=0))), float(np.abs(positions[mine]).max())
+        rest = mesh.points[mine]
+        if isinstance(body.start, Posed):
+            positions[mine] = posed_positions(body.start, rest, name)
+        else:
+            positions[mine] = numbers(name, body.start, (rest.copy(),), rest.shape)
+        size, far = float(np.linalg.norm(np.ptp(rest, axis=0))), float(np.abs(positions[mine]).max())
         require(
             far <= FARTHEST_BODY * size,
             f"{name} leads a vertex {far:.3g} m away, where coordinates of a body of {size:.3g} m lose their precision",
@@ -44,19 +47,13 @@ def start_positions(scene: Scene, mesh: LevelMesh, level: int) -> np.ndarray:
         ratios = simplex_volumes(positions, mesh.cells[cells]) / mesh.volumes[cells]
         if ratios.min() <= 0.0:
             worst, bad = cells[int(ratios.argmin())], int((ratios <= 0.0).sum())
+            place = ", ".join(f"{x:.4g}" for x in mesh.points[mesh.cells[worst]].mean(axis=0))
             raise InputError(
                 f"{name} turns {bad:,} of {len(cells):,} cells inside out or flat, as cell {worst} at"
-                f" {_place(mesh, worst)}, which gets {ratios.min():.3g} times its volume; give a start that bends"
+                f" ({place}), which gets {ratios.min():.3g} times its volume; give a start that bends"
                 " and stretches less within a cell, or more vertices"
             )
     return positions
-
-
-def _begun(start: Posed | Callable[[np.ndarray], np.ndarray], points: np.ndarray, name: str) -> np.ndarray:
-    """Where rest positions (n, d) of a body are at t = 0; `name` begins the messages of InputError."""
-    if isinstance(start, Posed):
-        return posed_positions(start, points, name)
-    return numbers(name, start, (points.copy(),), points.shape)
 
 
 def posed_positions(posed: Posed, points: np.ndarray, whose: str) -> np.ndarray:
@@ -93,11 +90,6 @@ def posed_positions(posed: Posed, points: np.ndarray, whose: str) -> np.ndarray:
             f" one at ({place}), {distances.max():.3g} m; give that mesh as placed, or raise Posed.tolerance"
         )
     return np.einsum("nc,nci->ni", mesh.coordinates(found, points), positions[corners])
-
-
-def _place(mesh: LevelMesh, cell: int) -> str:
-    """The centre of a cell at rest, in words."""
-    return f"({', '.join(f'{x:.4g}' for x in mesh.points[mesh.cells[cell]].mean(axis=0))})"
 
 
 def started(scene: Scene, mesh: LevelMesh, level: int) -> LevelMesh:

@@ -83,11 +83,6 @@ class SpringTerm(Term):
 class Attachments(SpringTerm):
     """All springs between bodies of a level.
 
-    Parameters
-    ----------
-    space : LevelSpace
-    springs : BoundSprings
-
     Attributes
     ----------
     broken : (k,) bool
@@ -121,13 +116,7 @@ class Attachments(SpringTerm):
 
 
 class Pulling(SpringTerm):
-    """The pulls of a level, those that act in the present span. Where none does, it adds nothing.
-
-    Parameters
-    ----------
-    space : LevelSpace
-    pulls : Pulls
-    """
+    """The pulls of a level, those that act in the present span. Where none does, it adds nothing."""
 
     name = "pull"
 

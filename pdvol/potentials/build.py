@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pdvol.geometry.level_mesh import lumped_masses
-from pdvol.levels.model import ContactModel, LevelModel
+from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments, Pulling
 from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.potentials.elasticity import elastic_terms
+from pdvol.potentials.elasticity import ActiveFibres, elastic_terms
 from pdvol.potentials.loads import load_terms
-from pdvol.potentials.muscles import ActiveFibres
-from pdvol.potentials.potential import Potential
+from pdvol.potentials.potential import Term
+from pdvol.scene import Barrier, Friction, metres
 
 if TYPE_CHECKING:  # a scene without contact loads none of it
     from pdvol.potentials.contact.barrier import ContactBarrier
     from pdvol.potentials.contact.friction import LaggedFriction
 
-MakeTerm = Callable[[LevelModel, LevelSpace], Potential]
+MakeTerm = Callable[[LevelModel, LevelSpace], Term]
 """What makes a term of a user's own on a level; a class whose instances it takes, or a function. Collective."""
 
 
@@ -37,7 +37,7 @@ class Terms:
     """
 
     mass: np.ndarray
-    potentials: tuple[Potential, ...]
+    potentials: tuple[Term, ...]
     contacts: tuple["ContactBarrier", ...] = ()
     frictions: tuple["LaggedFriction", ...] = ()
 
@@ -58,7 +58,8 @@ def build_terms(
     own : terms of a user's own
     """
     mass = np.tile(space.from_input(lumped_masses(space.mesh, model.materials.density))[:, None], space.dim)
-    contacts, frictions = contact_terms(model.contact, model.obstacles, space, script)
+    names, softest = [*model.bodies, *(o.name for o in model.obstacles)], model.materials.softest
+    contacts, frictions = contact_terms(model.contact, names, model.obstacles, space, model.diagonal, softest, script)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, mass)
     loads += tuple(ActiveFibres(space, muscle, model.materials.smoothing) for muscle in model.muscles)
@@ -70,10 +71,23 @@ def build_terms(
 
 
 def contact_terms(
-    models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace, script: Script | None = None
+    contact: Sequence[Barrier | Friction],
+    names: Sequence[str],
+    obstacles: Sequence[Obstacle],
+    space: LevelSpace,
+    diagonal: float,
+    softest: float,
+    script: Script | None = None,
 ) -> tuple[tuple["ContactBarrier", ...], tuple["LaggedFriction", ...]]:
-    """The terms of barriers and of friction. Collective."""
-    if not models:
+    """The terms of a scene's barrier, none or one, and of its friction. Collective.
+
+    Parameters
+    ----------
+    names : of the bodies and, behind them, the obstacles
+    diagonal : of the smallest free body [m]
+    softest : the lowest Young's modulus [Pa]
+    """
+    if not contact:
         return (), ()
     from pdvol.potentials.contact.barrier import ContactBarrier
     from pdvol.potentials.contact.candidates import Candidates
@@ -81,8 +95,10 @@ def contact_terms(
     from pdvol.potentials.contact.surface import ContactSurface
 
     contacts, frictions = list[ContactBarrier](), list[LaggedFriction]()
-    for contact in models:
-        surface = ContactSurface(space, tuple(obstacles), script)
-        contacts.append(ContactBarrier(Candidates(surface, contact.dhat), contact.kappa))
-        frictions += [LaggedFriction(contacts[-1], friction.mu, friction.eps_v) for friction in contact.friction]
+    for barrier in (each for each in contact if isinstance(each, Barrier)):
+        candidates = Candidates(ContactSurface(space, tuple(obstacles), script), metres(barrier.dhat, diagonal))
+        contacts.append(ContactBarrier(candidates, barrier.kappa(softest)))
+        for each in (each for each in contact if isinstance(each, Friction)):
+            mu = np.array([[each.between(one, other) for other in names] for one in names]) if each.pairs else each.mu
+            frictions.append(LaggedFriction(contacts[-1], mu, metres(each.eps_v, diagonal)))
     return tuple(contacts), tuple(frictions)

@@ -34,9 +34,7 @@ class Consistency(Term):
 
     Parameters
     ----------
-    space : LevelSpace
     mass : (n_owned, d) [kg]
-    guide : Guide
     """
 
     name = "consistency"

@@ -1,8 +1,8 @@
 """Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, one for all damping,
-and one that keeps the cells of smoothed elements from inverting. Cells do not invert.
+one that keeps the cells of smoothed elements from inverting, and one per muscle. Cells do not invert. And stresses.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
 from itertools import combinations_with_replacement
@@ -14,13 +14,15 @@ import ufl
 from pdvol.compiled import pointer
 from pdvol.errors import InputError
 from pdvol.forms.elasticity import GUARDED, volume_barrier
+from pdvol.forms.muscles import active_fibres
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
-from pdvol.levels.materials import CellMaterials
+from pdvol.levels.materials import CellMaterials, CellMuscle
 from pdvol.levels.space import LevelSpace
 from pdvol.native import library
-from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, Values
+from pdvol.potentials.assembly.cell_energy import CellEnergy, Density, Values, entries_of, matrix_of
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
 
 TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the square root of round-off
@@ -86,11 +88,6 @@ class CellGuard(Elastic):
 
     It is the volume barrier of laws that give way (forms/elasticity.py), in each cell by itself: zero above a tenth of
     the cell's volume, so that it changes nothing else.
-
-    Parameters
-    ----------
-    space : LevelSpace
-    materials : CellMaterials
     """
 
     def __init__(self, space: LevelSpace, materials: CellMaterials, shares: Shares | None = None):
@@ -115,8 +112,6 @@ class Damping(CellEnergy):
 
     Parameters
     ----------
-    space : LevelSpace
-    materials : CellMaterials
     shares : as `Elastic` has it
     """
 
@@ -125,17 +120,14 @@ class Damping(CellEnergy):
         self._viscosity = {name: materials.damping * values for name, values in _lame(materials).items()}
         domains = Domains(space, materials.damping > 0.0, materials.smoothing)
 
-        def matrix(name: str, entries: Mapping[str, Any]) -> Any:
-            return ufl.as_matrix([[entries[_entry(name, *sorted((i, j)))] for j in range(d)] for i in range(d)])
+        def psi(F: Any, mu: Any, lmbda: Any, growth: Any, **given: Any) -> Any:
+            return kelvin_voigt(F, mu, lmbda, matrix_of("c", given, d), growth, matrix_of("m", given, d))
 
-        def psi(F: Any, mu: Any, lmbda: Any, growth: Any, **entries: Any) -> Any:
-            return kelvin_voigt(F, mu, lmbda, matrix("c", entries), growth, matrix("m", entries))
-
-        def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, growth: Any, **entries: Any) -> Any:
-            return kelvin_voigt_model(F, v, w, mu, lmbda, matrix("m", entries))
+        def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, growth: Any, **given: Any) -> Any:
+            return kelvin_voigt_model(F, v, w, mu, lmbda, matrix_of("m", given, d))
 
         ones, still = np.ones(len(space.mesh.cells)), np.broadcast_to(np.eye(d), (len(space.mesh.cells), d, d))
-        start = {"growth": 0.0 * ones, **_entries("c", still), **_entries("m", still)}
+        start = {"growth": 0.0 * ones, **entries_of("c", still), **entries_of("m", still)}
         super().__init__(space, Density(psi, model), {**self._viscosity, **start}, domains, "damping")
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
@@ -150,7 +142,7 @@ class Damping(CellEnergy):
         C = rates.start(self._start, before.__getitem__)
         growth = rates.start(_growth(self._start), lambda e: _growth(before[e]))
         self.set_parameters({name: self._now * values / rates.duration for name, values in self._viscosity.items()})
-        self.fill({"growth": growth, **_entries("c", C), **_entries("m", self._metrics(rates))})
+        self.fill({"growth": growth, **entries_of("c", C), **entries_of("m", self._metrics(rates))})
 
     def _metrics(self, rates: Rates) -> np.ndarray:
         """(count, d, d) those of the stretches at the step's end, if all goes on as from the state before to its start;
@@ -182,16 +174,6 @@ def _growth(C: np.ndarray) -> np.ndarray:
     return 0.5 * np.log(_squared_volume(C))
 
 
-def _entry(name: str, i: int, j: int) -> str:
-    return f"{name}{i}{j}"
-
-
-def _entries(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """The entries (n,) of symmetric matrices (n, d, d), by their names."""
-    pairs = combinations_with_replacement(range(values.shape[1]), 2)
-    return {_entry(name, i, j): values[:, i, j] for i, j in pairs}
-
-
 def _lame(materials: CellMaterials) -> dict[str, np.ndarray]:
     """mu and lmbda (m,) [Pa] of the mesh's cells at t = 0, whatever their law."""
     return {name: reduce(np.add, (values[name] for values in materials.values)) for name in ("mu", "lmbda")}
@@ -211,3 +193,78 @@ def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEner
     if materials.damping.any():
         terms.append(Damping(space, materials, shares))
     return tuple(terms)
+
+
+class ActiveFibres(CellEnergy):
+    """One muscle: forms/muscles.py over its cells, with the tension of the end of the step, which is a parameter of
+    cells: nothing is compiled again when it changes.
+
+    Parameters
+    ----------
+    smoothing : (m,) int, optional
+        As `Domains` takes it.
+    """
+
+    def __init__(self, space: LevelSpace, muscle: CellMuscle, smoothing: np.ndarray | None = None):
+        d, m = space.dim, len(space.mesh.cells)
+        self._muscle, self._shape = muscle, (m, d, d)
+
+        def psi(F: Any, **tension: Any) -> Any:
+            return active_fibres(F, matrix_of("tension", tension, d))
+
+        domains = Domains(space, np.isin(np.arange(m), muscle.cells), smoothing)
+        law, none = Density(psi, isotropic=False), self._tensions(np.zeros(len(muscle.cells)))
+        super().__init__(space, law, none, domains, "muscle")
+        counted = float(domains.volumes[: domains.counted].sum())
+        self.scale = muscle.muscle.strength * space.reduce(counted)
+
+    def _tensions(self, tension: np.ndarray) -> dict[str, np.ndarray]:
+        """The entries (m,) of tension f f' [Pa] for a tension (k,) of the muscle's cells."""
+        fibres, found = self._muscle.fibres, np.zeros(self._shape)
+        found[self._muscle.cells] = (tension[:, None] * fibres)[:, :, None] * fibres[:, None, :]
+        return entries_of("tension", found)
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        # Every rank asks for all cells, so that a function that fails does so on all ranks.
+        tension = self._muscle.muscle.tension(t1, self._muscle.places)
+        self.set_parameters(self._tensions(tension))
+
+
+class CauchyStress:
+    """Cauchy stresses [Pa] of one `CellEnergy`, from the energy density that was minimised, on one rank alone:
+    construction compiles their kernel.
+
+    sigma = P F' / J with P = d psi / d F. In 2D, which is plane strain, F is completed by F_33 = 1, so the stress
+    across the plane is included. Cells of smoothed elements show the stress of their own F, not that of the means
+    around edges, from which forces come.
+    """
+
+    def __init__(self, term: CellEnergy):
+        self._mesh, self._term, d = term.space.mesh, term, term.space.dim
+        self._mine = np.isin(np.arange(len(self._mesh.cells)), term.domains.cells)
+        self._F = ufl.Coefficient(tensors((d, d)))
+        self._parameters = {ufl.Coefficient(tensors()): name for name in term.parameters}
+        F = ufl.variable(
+            ufl.as_matrix([[self._F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)])
+        )
+        given = {name: coefficient for coefficient, name in self._parameters.items()}
+        stress = ufl.diff(term.psi(F, **given), F) * F.T / ufl.det(F)
+        self._kernel = Kernel(term.space.comm, ufl.inner(stress, ufl.TestFunction(tensors((3, 3)))) * ONE_POINT)
+
+    def add_to(self, stresses: np.ndarray, positions: np.ndarray) -> None:
+        """Writes the stresses (m, 3, 3) of the term's cells at positions (n, d), both in the input's order; with the
+        term's parameters as they are.
+        """
+        cells = np.flatnonzero(self._mine)
+        F = np.einsum("kia,kij->kaj", positions[self._mesh.cells[cells]], self._mesh.gradients_in(cells))
+        values = {
+            coefficient: self._term.parameters[name][cells, None] for coefficient, name in self._parameters.items()
+        } | {self._F: F.reshape(len(cells), -1)}
+        found = self._kernel.evaluate(np.hstack([values[coefficient] for coefficient in self._kernel.coefficients]))
+        stresses[cells] = found.reshape(-1, 3, 3)
+
+
+def von_mises(stresses: np.ndarray) -> np.ndarray:
+    """(m,) [Pa]: root of 3/2 s:s, s the deviator of stresses (m, 3, 3)."""
+    deviator = stresses - np.trace(stresses, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
+    return np.sqrt(1.5 * np.einsum("kij,kij->k", deviator, deviator))

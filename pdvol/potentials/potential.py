@@ -1,10 +1,10 @@
-"""The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
+"""The base of the incremental potential's terms, and the positions at which they are evaluated."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -107,29 +107,32 @@ class Rates:
         return now + sum((each.weight * (of(each) - now) for each in self.earlier), start=np.zeros_like(now))
 
 
-def by_names(terms: "Sequence[Potential]") -> "dict[str, Potential]":
+def by_names(terms: "Sequence[Term]") -> "dict[str, Term]":
     """Terms by their names; further ones of the same name by `name 2`, `name 3`, ..."""
-    found: dict[str, Potential] = {}
+    found: dict[str, Term] = {}
     for term in terms:
         count = sum(other.name == term.name for other in found.values()) + 1
         found[term.name if count == 1 else f"{term.name} {count}"] = term
     return found
 
 
-class Potential(Protocol):
-    """A term E(x) [J]. Terms do not know the time step's weight or supported rows: the integrator weighs them, Newton's
-    method eliminates rows.
+class Term(ABC):
+    """A term E(x) [J] of the energy, the base also for those of a user's own. Terms do not know the time step's weight
+    or supported rows: the integrator weighs them, Newton's method eliminates rows.
 
-    All calls are collective; values are the same on every rank, arrays hold this rank's rows.
+    A term defines `value` and `gradient`. By default there are no obstacles, friction or memory, every step is
+    admissible, and the Hessian is left out. All calls are collective; values are the same on every rank, arrays hold
+    this rank's rows.
     """
 
-    name: str
-    scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
-    stencils: Sequence[Domains]  # domains between whose vertices it adds blocks of its Hessian
+    name = "term"
+    scale = 0.0  # [J] of parts that cancel in value(x), which its round-off is relative to
+    stencils: Sequence[Domains] = ()  # domains between whose vertices it adds blocks of its Hessian
 
     @property
     def has_friction(self) -> bool:
         """Whether friction acts on this rank, as lagged."""
+        return False
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         """Starts the step from t0 to t1 [s] at x_t: obstacles are at their places at t0, and friction is lagged at x_t.
@@ -153,6 +156,7 @@ class Potential(Protocol):
     @property
     def memory(self) -> Mapping[str, Any]:
         """What the next step needs to know of those before, as JSON; empty where that is nothing."""
+        return {}
 
     def restore(self, memory: Mapping[str, Any]) -> None:
         """Sets what `memory` gave."""
@@ -174,48 +178,4 @@ class Potential(Protocol):
         """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for this rank's cells and contacts,
         while obstacles move to their places at `until` [s]. Where contact ends it, `gap_share` of a gap is left.
         """
-
-
-class Term(Potential):
-    """A base for terms of the energy, also for those of a user's own: all of `Potential` but `value` and `gradient`.
-
-    By default there are no obstacles, friction or memory, every step is admissible, and the Hessian is left out.
-    """
-
-    name = "term"
-    scale = 0.0
-    stencils: Sequence[Domains] = ()
-
-    @property
-    def has_friction(self) -> bool:
-        return False
-
-    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        pass
-
-    def set_rates(self, rates: Rates) -> None:
-        pass
-
-    def move_obstacles(self, time: float) -> None:
-        pass
-
-    def update_lag(self, x: Positions) -> None:
-        pass
-
-    def end_step(self, x: Positions) -> None:
-        pass
-
-    @property
-    def memory(self) -> Mapping[str, Any]:
-        return {}
-
-    def restore(self, memory: Mapping[str, Any]) -> None:
-        pass
-
-    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        pass
-
-    def max_step(
-        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
-    ) -> float:
         return 1.0

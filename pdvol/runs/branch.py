@@ -17,7 +17,7 @@ from pdvol.errors import InputError
 from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
-from pdvol.levels.script import HeldPoints, Obstacle, Script
+from pdvol.levels.script import Obstacle, Script
 from pdvol.runs.scene_file import Shot, both_described, with_hand
 from pdvol.runs.separation import build_apart
 from pdvol.scene import Hand
@@ -158,10 +158,7 @@ def _check_supports(
     if before == now:
         return
     start = start_positions(scene, level.mesh, level.index)
-    held = []
-    for support in scene.supports:
-        mask, motion = supported_points(scene, support, level.mesh, level.index, start)
-        held.append(HeldPoints(mask, start[mask], motion, support.release))
+    held = [supported_points(scene, support, level.mesh, level.index, start) for support in scene.supports]
     script = Script(held, obstacles, ground)
     for number in range(1, step + 1):
         time = number * scene.dt

@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError, PdvolError, SimulationError
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import hierarchy_model
+from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.partition import carried
 from pdvol.parallel import on_root
@@ -278,7 +278,7 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
         meshes = [stored.mesh for stored in run.levels[: level + 1]]
         places = on_root(comm, lambda: _places(run, level, shot.scene.steps)) if level and comm.size > 1 else None
         hierarchy = Hierarchy(meshes, comm, info["prolongation"], places)
-        model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
+        model = level_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
         give_memory_back()
         run_level(model, hierarchy, info["method"], writer, writer.watch)
 

@@ -13,12 +13,12 @@ from pdvol.errors import InputError
 from pdvol.integrate.integrator import Integrator, Past, advance
 from pdvol.integrate.level_march import Lead, level_march
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import LevelModel, hierarchy_model
+from pdvol.levels.model import LevelModel, level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import end_all, on_root
 from pdvol.potentials.build import MakeTerm
-from pdvol.potentials.potential import Positions, Potential, Term
+from pdvol.potentials.potential import Positions, Term
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.preparation import prepared_levels
 from pdvol.runs.runner import check_choices
@@ -35,6 +35,16 @@ class Step:
 
     Attributes
     ----------
+    level : its number, 0 the coarsest
+    step : the number of the step, from 1
+    time : at its end [s]
+    positions : (n, d) [m]
+        At its end, in the input's order of vertices, as all arrays.
+    velocity : (n, d) [m/s]
+        At its end, as the integrator gives it.
+    forces : dict of (n, d) [N] by name
+        What each kind of term and inertia put on the vertices at its end. In the solver's tolerance they sum to zero,
+        but for vertices that a support holds: it gives minus the sum. Empty for levels above 0 of the method embedded.
     model : LevelModel
         The scene on the level.
     space : LevelSpace
@@ -43,43 +53,15 @@ class Step:
         Iterations, contacts, the smallest gap, energies, seconds and what else the log of a run has.
     """
 
+    level: int
+    step: int
+    time: float
+    positions: np.ndarray
+    velocity: np.ndarray
+    forces: dict[str, np.ndarray]
     model: LevelModel
     space: LevelSpace
     report: StepReport
-
-    @property
-    def level(self) -> int:
-        """Its number, 0 the coarsest."""
-        return self.report.level
-
-    @property
-    def step(self) -> int:
-        """The number of the step, from 1."""
-        return self.report.step
-
-    @property
-    def time(self) -> float:
-        """The time at its end [s]."""
-        return self.report.time
-
-    @property
-    def positions(self) -> np.ndarray:
-        """(n, d) [m] at its end, in the input's order of vertices, as all arrays."""
-        return self.report.positions
-
-    @property
-    def velocity(self) -> np.ndarray:
-        """(n, d) [m/s] at its end, as the integrator gives it."""
-        return self.report.velocity
-
-    @property
-    def forces(self) -> dict[str, np.ndarray]:
-        """(n, d) [N] by name: what each kind of term and inertia put on the vertices at its end.
-
-        In the solver's tolerance they sum to zero, but for vertices that a support holds: it gives minus the sum. Empty
-        for levels above 0 of the method embedded.
-        """
-        return self.report.forces
 
     def __repr__(self) -> str:
         return f"Step(level {self.level}, step {self.step}, t = {self.time:g} s)"
@@ -166,7 +148,7 @@ class March(Iterator[Step]):
 
     def model(self, level: int) -> LevelModel:
         """The scene on a level of `hierarchy`. Collective."""
-        return hierarchy_model(self._scene, self.hierarchy, level, self._diagonal, self._obstacles)
+        return level_model(self._scene, self.hierarchy, level, self._diagonal, self._obstacles)
 
     def __next__(self) -> Step:
         with self._threads.limit(limits=1):  # not for the user's own code between steps
@@ -195,14 +177,15 @@ class March(Iterator[Step]):
                     array.flags.writeable = False
                 struck = report.struck > 0
                 pasts.append(advance(integrator, pasts[-1], report.positions, model.dt, anew(report.step), struck))
-                yield Step(model, space, report)
+                at = report.level, report.step, report.time, report.positions, report.velocity, report.forces
+                yield Step(*at, model, space, report)
             below = pasts
 
 
 def _tried(make: MakeTerm, start: np.ndarray) -> MakeTerm:
     """The same, with each term evaluated once at positions (n, d) [m]: InputError where it is unfit."""
 
-    def make_and_try(model: LevelModel, space: LevelSpace) -> Potential:
+    def make_and_try(model: LevelModel, space: LevelSpace) -> Term:
         term = make(model, space)
         require(isinstance(term, Term), f"march: {make!r} gave a {type(term).__name__}, not a pdvol.Term")
         x = Positions(space, space.from_input(start))

@@ -52,16 +52,9 @@ def mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) 
 
 
 def _write(shape: Surface | Solid, out: Path) -> None:
-    suffix = out.suffix.lower()
-    if isinstance(shape, Surface) and suffix != ".ply":
-        with out.open("wb") as file:
-            obj = suffix == ".obj"
-            file.write(b"" if obj else b"OFF\n%d %d 0\n" % (len(shape.vertices), len(shape.triangles)))
-            np.savetxt(file, shape.vertices, "v %.17g %.17g %.17g" if obj else "%.17g %.17g %.17g")
-            np.savetxt(file, shape.triangles + (1 if obj else 0), "f %d %d %d" if obj else "3 %d %d %d")
-        return
     import meshio
 
+    suffix = out.suffix.lower()
     if isinstance(shape, Surface):
         meshio.Mesh(shape.vertices, [("triangle", shape.triangles)]).write(out)
         return

@@ -11,11 +11,12 @@ from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import topology
-from pdvol.meshing.readers import read_with_notes
+from pdvol.meshing.readers import read_shape
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import drop_unused
-from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_of
+from pdvol.meshing.verdict import boundary_facets_of, judge
 from pdvol.meshing.vtu import write_vtu
+from pdvol.runs.preflight import level_sizes, shape_notes, sizes_line
 from pdvol.runs.preparation import prepared_levels
 from pdvol.runs.run_summary import binding_lines
 from pdvol.scene import Body, NeoHookean, Scene
@@ -47,41 +48,25 @@ def write_hierarchy(
         The mesh cannot be read or meshed, the prolongation is unknown, or `out` cannot be written.
     """
     require_place(out)
+    scene = Scene(bodies=(Body(mesh, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
     with cpu_budget(sum(targets)):
-        name = f"body {mesh.stem!r}"
-        with stage(f"reading {name}"):
-            read, notes = read_with_notes(mesh)
-        check_place(place_of(read), name)
-        with stage(f"checking {name}"):
-            shape, boundary, found = judge(read, name)
-        scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
+        notes = shape_notes(scene)
         levels = prepared_levels(scene, scene.levels - 1)
     if levels.refused is not None:
         raise levels.refused
     make_folder(out)
     hierarchy = Hierarchy(levels.meshes, MPI.COMM_SELF, prolongation)
-    points, facets = boundary_facets_of(boundary)
-    lines = [f"note: {note}" for note in notes + [f"{name}: {note}" for note in found]]
+    points, facets = boundary_facets_of(judge(read_shape(mesh), mesh.stem)[1])
+    lines = [f"note: {note}" for note in notes]
     for level, level_mesh in enumerate(levels.meshes):
         homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
         with stage(f"measuring level {level}"):
-            lines.append(f"{_level_line(level_mesh, level)}; {_shape_words(level_mesh, points, facets)}")
+            quality = mean_ratio(level_mesh.points, level_mesh.cells)
+            worst = f"worst mean ratio {quality.min():.2f} (cell {quality.argmin()})"
+            kept = _shape_words(level_mesh, points, facets)
+            lines.append(f"{sizes_line(level_sizes(level_mesh, level))}, {worst}; {kept}")
     return hierarchy, [*lines, *binding_lines(hierarchy)]
-
-
-def _level_line(mesh: LevelMesh, level: int) -> str:
-    """Size and quality of one level in one line."""
-    line = (
-        f"level {level}: {len(mesh.points):,} vertices, {len(mesh.cells):,} cells, {len(np.unique(mesh.boundary)):,} on"
-        " the surface, "
-    )
-    line += f"volume {mesh.volumes.sum():.4g}, smallest cell {mesh.volumes.min():.2g}"
-    if mesh.dim == 3:
-        quality = mean_ratio(mesh.points, mesh.cells)
-        worst = int(np.argmin(quality))
-        line += f", worst mean ratio {quality[worst]:.2f} (cell {worst})"
-    return line
 
 
 def _shape_words(mesh: LevelMesh, points: np.ndarray, facets: np.ndarray) -> str:

@@ -11,6 +11,7 @@ import resource
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +24,15 @@ from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.binding import ISLAND, bind
 from pdvol.levels.function_check import call_functions
+from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import Defect, buried, smallest_gap
-from pdvol.levels.level_check import level_defects, level_notes
+from pdvol.levels.level_check import cells_through, level_defects, level_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, scene_diagonal
 from pdvol.levels.space import LevelSpace
 from pdvol.levels.start import started
-from pdvol.levels.thickness import cells_through
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.build import build_levels, vertices_asked
 from pdvol.meshing.cpu_budget import cpu_budget
@@ -45,7 +46,7 @@ from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.runs.separation import build_apart
 from pdvol.scene import Barrier, Scene, Support, metres
-from pdvol.solve.linear.option_check import check_options
+from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.stages import say, stage
 
 SAME_AREA = 1.1
@@ -68,7 +69,6 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
 
     Parameters
     ----------
-    scene : Scene
     seconds : how long level 0 may be simulated to estimate the levels' cost [s]; 0: not at all
     out : folder for `level_<l>.vtu` (at t = 0; cells' `quality`, at rest; points' `defect`) and `defects_<l>.vtu` (the
         primitives of each defect), or for `defects.vtu` where a shape is at fault; none is written if None
@@ -191,15 +191,8 @@ def _check_level(
     mesh = meshes[level]
     quality = mean_ratio(mesh.points, mesh.cells)
     worst = np.argsort(quality, kind="stable")[:NAMED_CELLS]
-    edge = _shortest_edge(mesh)
     entry: dict[str, Any] = {
-        "level": level,
-        "vertices": len(mesh.points),
-        "cells": len(mesh.cells),
-        "surface_vertices": len(np.unique(mesh.boundary)),
-        "volume": float(mesh.volumes.sum()),
-        "smallest_cell": float(mesh.volumes.min()),
-        "shortest_edge": edge,
+        **level_sizes(mesh, level),
         "worst_cells": [
             {"cell": int(c), "body": scene.bodies[mesh.bodies[c]].name, "quality": float(quality[c])} for c in worst
         ],
@@ -220,23 +213,38 @@ def _check_level(
         entry["defects"] = [str(d.error) for d in defects]
         begun = started(scene, mesh, level)
         speed = float(np.linalg.norm(initial_velocity(scene, mesh, begun.points), axis=1).max())
-        entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / edge
+        entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / entry["shortest_edge"]
         if scene.contact and not defects:
             dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
             gap, _ = smallest_gap(begun, obstacles, names, GAP_RANGE * dhat)
             if gap is not None:
-                dhats = gap.distance / dhat
-                entry["smallest_gap"] = {"distance": gap.distance, "one": gap.one, "other": gap.other, "dhats": dhats}
+                entry["smallest_gap"] = {**gap, "dhats": gap["distance"] / dhat}
                 entry["near_pairs"] = smallest_gap(begun, obstacles, names, dhat)[1]
     except InputError as error:
         entry["defects"] = entry["defects"] or [str(error)]
     return entry, defects
 
 
-def _shortest_edge(mesh: LevelMesh) -> float:
-    corners = mesh.points[mesh.cells]
-    return float(
-        min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i in range(mesh.dim + 1) for j in range(i))
+def level_sizes(mesh: LevelMesh, level: int) -> dict[str, Any]:
+    """The level's number and how large its mesh and parts of it are [m]."""
+    corners, pairs = mesh.points[mesh.cells], combinations(range(mesh.dim + 1), 2)
+    return {
+        "level": level,
+        "vertices": len(mesh.points),
+        "cells": len(mesh.cells),
+        "surface_vertices": len(np.unique(mesh.boundary)),
+        "volume": float(mesh.volumes.sum()),
+        "smallest_cell": float(mesh.volumes.min()),
+        "shortest_edge": float(min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i, j in pairs)),
+    }
+
+
+def sizes_line(sizes: dict[str, Any]) -> str:
+    """What `level_sizes` gives, in one line."""
+    return (
+        f"level {sizes['level']}: {sizes['vertices']:,} vertices, {sizes['cells']:,} cells,"
+        f" {sizes['surface_vertices']:,} on the surface, volume {sizes['volume']:.4g}, smallest cell"
+        f" {sizes['smallest_cell']:.2g}, shortest edge {sizes['shortest_edge']:.3g} m"
     )
 
 
@@ -262,8 +270,9 @@ def _estimate_costs(
 ) -> None:
     """Add the estimated cost of each level, from the beginning of level 0."""
     mesh, dim = meshes[0], meshes[0].dim
-    model = level_model(scene, mesh, 0, diagonal, obstacles)
-    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF))
+    hierarchy = Hierarchy([mesh], MPI.COMM_SELF)
+    model = level_model(scene, hierarchy, 0, diagonal, obstacles)
+    stepper = Stepper(model, hierarchy[0])
     begin, spent, iterations = time.perf_counter(), [], []
     try:
         for report in direct(stepper, Start.at_rest(model.start, model.velocity), scene.steps):

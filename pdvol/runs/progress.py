@@ -28,13 +28,9 @@ class Progress:
 
     Parameters
     ----------
-    level : int
-    total : int
-        Steps of the whole level.
-    done : int
-        Steps that were stored before, of a resumed level.
-    stream : text stream
-        `progress_stream()` when None.
+    total : steps of the whole level
+    done : steps that were stored before, of a resumed level
+    stream : `progress_stream()` when None
     """
 
     def __init__(self, level: int, total: int, done: int = 0, stream: TextIO | None = None):

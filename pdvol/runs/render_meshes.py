@@ -28,7 +28,6 @@ def bound_render_meshes(scene: Scene, meshes: Sequence[LevelMesh], set_apart: bo
 
     Parameters
     ----------
-    scene : Scene
     meshes : of the levels, coarsest first
     set_apart : whether bodies of `meshes` have been moved or shrunk from where the scene places them
 

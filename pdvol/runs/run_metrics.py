@@ -9,16 +9,31 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import body_sizes, lumped_masses
 from pdvol.geometry.rigid_motions import drift, mass_centres, rigid_motions
+from pdvol.integrate.feedback import level_feedback
+from pdvol.integrate.marches import guide, led, mean_of_forces
+from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.model import level_model
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.script import Obstacle
 from pdvol.measure import metrics
-from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three_states
-from pdvol.runs.stored_fields import level_densities, stored_densities, stored_hierarchy, stored_scene
+from pdvol.potentials.consistency import Consistency, Guide
+from pdvol.potentials.potential import Positions
+from pdvol.runs.stored_fields import (
+    level_densities,
+    stored_densities,
+    stored_hierarchy,
+    stored_lead,
+    stored_past,
+    stored_scene,
+)
 from pdvol.scene import Friction, Scene
 from pdvol.stages import say, stage
 from pdvol.store.files import require_writable, write_json
 from pdvol.store.reader import Run, RunLevel, open_run
+
+# By method: the level whose states predict the positions x_hat of a level above 0.
+PREDICTED_WITH = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}
 
 
 def measure_run(path: str | Path) -> dict:
@@ -29,15 +44,14 @@ def measure_run(path: str | Path) -> dict:
     dict
         `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`),
-        `roughness` [m] around steps 2, 3, ..., `rougher`, its root mean square over that of level 0, and, from
-        level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
+        `roughness` [m] around steps 2, 3, ..., `rougher`, its root mean square over that of level 0, and, from level 1
+        on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
         `centre_drift` [m] and `angle_drift` [degrees] from the level below, the same with `_from_0` from level 0), the
         `projection`'s `rank` and `columns`, the drift of each of the `bodies`, `animation`, which says in a line
-        whether the level ends as level 0, and `summary`: mean, median, largest and
-        last value of each list. Steps that were cut, that were joined at rest, or whose scripted motion contact
-        stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded levels, which have no
-        x_hat, is NaN as well. In states with intersections or inverted cells the forces are meaningless: continuity and
-        its error are NaN.
+        whether the level ends as level 0, and `summary`: mean, median, largest and last value of each list. Steps that
+        were cut, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. The
+        continuity of embedded levels, which have no x_hat, is NaN as well. In states with intersections or inverted
+        cells the forces are meaningless: continuity and its error are NaN.
 
     Raises
     ------
@@ -260,3 +274,67 @@ def _summary(values: Sequence[float]) -> dict:
         return {}
     found = {"mean": known.mean(), "median": np.median(known), "largest": known.max(), "last": known[-1]}
     return {key: float(value) for key, value in found.items()}
+
+
+def continuity_of_level(
+    run: Run, level: RunLevel, scene: Scene, obstacles: Sequence[Obstacle], hierarchy: Hierarchy, masses: np.ndarray
+) -> dict:
+    """`continuity` and `continuity_error` of a level with masses (n,) [kg]: lists over its steps, by the forces that
+    its scene has at stored states and the x_hat of each step.
+    """
+    method, taken = run.info["method"], "own"
+    guides: tuple[Guide, ...] = ()
+    if level.index:
+        below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
+        taken, weight = PREDICTED_WITH[method], scene.penalty.of(method)
+        guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
+    model = level_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
+    feedback = level_feedback(model, hierarchy, method, below.positions) if level.index else ()
+    replay = Replay(model, hierarchy[level.index], guides)
+    integrator = replay.integrator
+    special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
+    # These steps start from obstacles that were held back.
+    special |= {r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0}
+    values, errors, masses = [], [], np.where(model.free, masses, 0.0)
+    memories = {r["step"]: r["terms"] for r in level.log if r.get("terms")}
+    crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
+    for number in range(1, level.steps):
+        say(f"continuity, step {number} of {level.steps - 1}")
+        if number in crossing:
+            values.append(float("nan"))
+            errors.append(float("nan"))
+            continue
+        past, after = stored_past(run, integrator, number - 1, model), level.positions(number)
+        own, weight = integrator.predict(past, run.dt), integrator.weight(past, run.dt)
+        end = replay.put(number, past, after, memories.get(number - 1), level.lateness)
+        pull, guided = (weight * each for each in _pulls(replay, end))
+        errors.append((run.dt**2 / weight) ** 2 * metrics.continuity_error(own, after, pull, masses))
+        if taken == "none" or number in special:
+            values.append(float("nan"))
+            continue
+        predicted, now = own, past[0].positions
+        if taken == "coarse":
+            coarse = lambda step: stored_lead(run, integrator, step, model)
+            predicted = integrator.predict(led(now, coarse(number - 1), prolongation), run.dt)
+            change = mean_of_forces(integrator, coarse, number, run.dt)
+            predicted = predicted if change is None else predicted + prolongation.prolong(change)
+        pushes = (push(number - 1, now) for push in feedback)
+        values.append(metrics.continuity(own, sum(pushes, start=predicted), after, pull, masses, guided))
+    return {"continuity": values, "continuity_error": errors}
+
+
+def _pulls(replay: Replay, end: Positions) -> list[np.ndarray]:
+    """M^-1 grad F [m/s^2], shape (n, d), of terms that were put to these positions; and the guides' part of it, which F
+    does not contain. NaN where the positions are not admissible (inverted cells).
+    """
+    unknown = 0.0 if np.isfinite(sum(term.value(end) for term in replay.terms)) else np.nan
+    parts = ([term for term in replay.terms if isinstance(term, Consistency) == guided] for guided in (False, True))
+    return [replay.space.to_input(unknown - replay.force(end, terms) / replay.mass) for terms in parts]
+
+
+def three_states(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions before, at the start and at the end of step `number`; those before the first step follow from the
+    initial velocity.
+    """
+    now = level.positions(number - 1)
+    return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import hierarchy_model
+from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import initial_velocity, way_up
 from pdvol.levels.start import start_positions
@@ -34,7 +34,7 @@ from pdvol.runs.stored_fields import exported
 from pdvol.scene import Hand, Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.scene.hand import same_up_to
-from pdvol.solve.linear.option_check import check_options
+from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
 from pdvol.store.folder import RECORD, holds_run, in_use, read_info, require_free, require_scene
@@ -93,8 +93,7 @@ def run_scene(
 
     Parameters
     ----------
-    shot : Shot
-        From a file (`load_shot`), or made in memory.
+    shot : from a file (`load_shot`), or made in memory
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are
         kept
     first, last : levels, both included; the finest when `last` is None
@@ -132,7 +131,7 @@ def run_scene(
             if wavefront is None and not alone:
                 left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
-            hierarchy = None
+            hierarchy = Hierarchy(levels.meshes, comm, prolongation)
             for together in [marched] if wavefront else [[level] for level in marched]:
                 counts = {level: 1 if alone else _ranks_of(level, scene, levels, writer, ranks) for level in together}
                 if wavefront or max(counts.values()) > 1:
@@ -145,12 +144,9 @@ def run_scene(
                         ranks = 1
                         if how.progress is not None:
                             print(f"note: {error}; it goes on with one", file=sys.stderr)
-                if hierarchy is None:
-                    with stage("numbering the levels"):
-                        hierarchy = Hierarchy(levels.meshes, comm, prolongation)
                 for level in together:
                     with stage(f"evaluating the scene on level {level}"):
-                        model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
+                        model = level_model(scene, hierarchy, level, levels.diagonal, obstacles)
                     run_level(model, hierarchy, method, writer, how.progress)
         finally:
             if scene.played is not None:
@@ -221,17 +217,11 @@ def check_choices(scene: Scene, first: int, last: int, method: str, prolongation
 
 
 def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool, replace: bool) -> None:
+    require_free(out, go_on or replace)
     exists = holds_run(out)
-    require_free(out, exists)
-    if exists and replace:
-        count = len(read_info(out)["levels"])
-        if count > 1:
-            raise InputError(f"{out} holds a run of {count} levels; choose another folder for a preview with --out")
-        return
-    if exists and not go_on:
-        raise InputError(
-            f"{out} already holds a run; go on with it by --resume (resume=True), or choose another folder"
-        )
+    count = len(read_info(out)["levels"]) if exists and replace else 0
+    if count > 1:
+        raise InputError(f"{out} holds a run of {count} levels; choose another folder for a preview with --out")
     if first > 0 and not exists and method != "direct":
         raise InputError(
             f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with levels 0:{last}"

@@ -40,7 +40,6 @@ class Shot:
     ----------
     file : the scene file; None for a scene made in memory
     parameters : what `--set` gave, by name
-    scene : Scene
     """
 
     file: Path | None

@@ -2,38 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
-
+from pdvol.levels.function_check import shape_points
 from pdvol.levels.scene_fields import scene_diagonal
-from pdvol.meshes import Outline
-from pdvol.meshing.readers import read_shape
 from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.runs.scene_file import Shot
-from pdvol.scene import (
-    Attachment,
-    Barrier,
-    Body,
-    Deforming,
-    Flow,
-    Friction,
-    Gravity,
-    Impulse,
-    Keyed,
-    Load,
-    Material,
-    Motion,
-    Muscle,
-    Pascal,
-    Plane,
-    PointCache,
-    PointForce,
-    Posed,
-    Pressure,
-    Scene,
-    Sequential,
-    metres,
-    stands,
-)
+from pdvol.scene import Barrier, Body, Friction, Keyed, Material, Pascal, Posed, Scene, metres
 
 
 def scene_summary(shot: Shot) -> list[str]:
@@ -46,7 +19,8 @@ def scene_summary(shot: Shot) -> list[str]:
 
 
 def modelled_terms(scene: Scene) -> list[str]:
-    """One line for each part of the model: materials, loads, contact, levels, time.
+    """One line for each part of the model: materials, loads and what else is written in the scene, contact, levels,
+    time.
 
     Raises
     ------
@@ -54,19 +28,10 @@ def modelled_terms(scene: Scene) -> list[str]:
         A file of a shape is missing or cannot be read.
     """
     lines = [line for body in scene.bodies for line in _body(scene, body)]
-    lines += [f"load: {_load(load)}" for load in scene.loads]
-    lines += [_muscle(muscle) for muscle in scene.muscles]
-    lines += [_attachment(attachment) for attachment in scene.attachments]
-    lines += [f"pull: {p.body!r} at {p.where}, from {p.times[0]:g} to {p.times[-1]:g} s" for p in scene.pulls]
+    for kind in ("load", "muscle", "attachment", "pull", "support", "obstacle"):
+        lines += [f"{kind}: {element}" for element in getattr(scene, f"{kind}s")]
     lines += [f"hand: {scene.hand.steps} steps"] if scene.hand else []
-    for s in scene.supports:
-        until = f", released at {s.release:g} s" if np.isfinite(s.release) else ""
-        lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
-    for o in scene.obstacles:
-        moving = "" if stands(o.motion) else f", moving ({_named(o.motion)})"
-        surface = f"{'deforming' if isinstance(o, Deforming) else 'rigid'} surface"
-        lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else surface}{moving}")
-    if _is_plane(scene):
+    if shape_points(scene.bodies[0]).shape[1] == 2:
         lines.append("dimension: 2, plane strain (per metre of depth)")
     diagonal = scene_diagonal(scene)
     lines += _contact(scene, diagonal)
@@ -129,48 +94,3 @@ def _material(material: Material) -> str:
         f"{type(material).__name__}, young {number(material.young)} Pa, poisson {number(material.poisson)}, "
         f"density {number(material.density)} kg/m^3{extra}{damping}"
     )
-
-
-def _load(load: Load) -> str:
-    shown = lambda value: "by time" if callable(value) else str(tuple(value))
-    if isinstance(load, Gravity):
-        return f"gravity {shown(load.acceleration)} m/s^2"
-    on = f" on {load.body}" if load.body else ""
-    if isinstance(load, Impulse):
-        return f"impulse of {shown(load.velocity)} m/s at {load.time:g} s{on}"
-    if isinstance(load, Pressure):
-        return f"pressure {'by time' if callable(load.pressure) else f'{load.pressure:g}'} Pa in {load.body}"
-    if isinstance(load, Flow):
-        by_place = callable(load.velocity) and not isinstance(load.velocity, Keyed)
-        u = "by place and time" if by_place else shown(load.velocity)
-        return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"
-    where = f"at {tuple(load.at)}" if isinstance(load, PointForce) else "over a region"
-    return f"force {shown(load.force)} N {where}{on}"
-
-
-def _muscle(muscle: Muscle) -> str:
-    fibre = "by position" if callable(muscle.fibre) else str(tuple(muscle.fibre))
-    given = muscle.activation
-    activation = "by time" if isinstance(given, Keyed) else "by time and place" if callable(given) else f"{given:g}"
-    return f"muscle: {muscle.body!r} along {fibre}, {muscle.strength:g} Pa, activation {activation}"
-
-
-def _attachment(attachment: Attachment) -> str:
-    length = "" if attachment.rest_length is None else f", rest length {attachment.rest_length:g} m"
-    breaking = "never breaks" if attachment.breaking is None else f"breaks at {attachment.breaking:g} N"
-    ends = f"{attachment.body!r} to {attachment.other!r}"
-    return f"attachment: {ends}, {attachment.stiffness:g} N/m in all{length}, {breaking}"
-
-
-def _is_plane(scene: Scene) -> bool:
-    shape = scene.bodies[0].shape
-    shape = read_shape(shape[0] if isinstance(shape, (tuple, list)) else shape)
-    return isinstance(shape, Outline) or shape.vertices.shape[1] == 2
-
-
-def _named(motion: Motion | PointCache) -> str:
-    if isinstance(motion, PointCache):
-        return motion.label
-    if isinstance(motion, Sequential):
-        return " then ".join(_named(part) for part in motion.motions)
-    return getattr(motion, "__name__", type(motion).__name__.lower())

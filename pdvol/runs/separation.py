@@ -12,7 +12,7 @@ import numpy as np
 
 from pdvol.errors import IntersectionError, LevelError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.initial_state import check_start
+from pdvol.levels.initial_state import find_defects
 from pdvol.levels.script import Obstacle
 from pdvol.levels.start import started
 from pdvol.meshing.build import build_levels
@@ -82,13 +82,12 @@ class _Arrangement:
 
     def first_intersection(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:
         """The first intersection of some level."""
-        try:
-            with stage("checking that bodies are apart"):
-                levels = [started(self.scene, mesh, level) for level, mesh in enumerate(self.levels())]
-                check_start(levels, obstacles, [body.name for body in self.scene.bodies])
-        except IntersectionError as error:
-            return error
-        return None
+        with stage("checking that bodies are apart"):
+            names = [body.name for body in self.scene.bodies]
+            levels = [started(self.scene, mesh, level) for level, mesh in enumerate(self.levels())]
+            defects = (find_defects(level, mesh, obstacles, names, levels) for level, mesh in enumerate(levels))
+            errors = (defect.error for found in defects for defect in found)
+            return next((error for error in errors if isinstance(error, IntersectionError)), None)
 
     def take_step(self, remedy: Separate, error: IntersectionError) -> bool:
         """Takes one step of a remedy. Returns False where it does not apply or has reached its limit."""

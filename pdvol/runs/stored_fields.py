@@ -12,13 +12,11 @@ from pdvol.integrate.integrator import Integrator, Past, past_of
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
-from pdvol.levels.model import LevelModel, hierarchy_model, level_model
+from pdvol.levels.model import LevelModel, level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.script import Obstacle
-from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
-from pdvol.potentials.elasticity import Elastic
-from pdvol.potentials.stress import CauchyStress, von_mises
+from pdvol.potentials.elasticity import CauchyStress, Elastic, von_mises
 from pdvol.registry import FORMATS
 from pdvol.runs.scene_file import both_described, stored_shot
 from pdvol.scene import Scene
@@ -38,16 +36,9 @@ class SceneFields:
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles: Sequence[Obstacle]):
         self.level, self._run, diagonal = run.levels[level], run, run.info["diagonal"]
-        alone = all(body.uniform for body in scene.bodies) and not (
-            scene.attachments or scene.muscles or scene.pulls or scene.hand
-        )
-        if level == 0 or alone:
-            space = LevelSpace(self.level.mesh, MPI.COMM_SELF)
-            model = level_model(scene, self.level.mesh, level, diagonal, obstacles)
-        else:
-            hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
-            space, model = hierarchy[level], hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
-        self._model, self._replay = model, Replay(model, space)
+        hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
+        self._model = level_model(scene, hierarchy, level, diagonal, obstacles)
+        self._replay = Replay(self._model, hierarchy[level])
         self._elastic = [term for term in self._replay.terms if type(term) is Elastic]
         self._stresses = [CauchyStress(term) for term in self._elastic]
 

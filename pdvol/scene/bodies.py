@@ -7,16 +7,19 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
+from pdvol.errors import InputError
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.registry import ELEMENTS
 from pdvol.scene.checks import (
     anything,
     choice,
+    count,
     finite,
     function_or,
     instance,
     numbers,
     optional,
+    plain,
     positive,
     require,
     sequence,
@@ -206,3 +209,51 @@ def velocities(name: str, velocity: Vector | Callable[[np.ndarray], np.ndarray],
         require(len(velocity) == dim, f"{name} has {len(velocity)} components in a {dim}D scene")
         v += np.asarray(velocity, dtype=float)
     return v
+
+
+@dataclass(frozen=True)
+class Jittered:
+    """An initial velocity with a small random one added, the same at all points.
+
+    Attributes
+    ----------
+    velocity : as `Body.velocity`
+    speed : of what is added [m/s]; its direction follows from the seed
+    seed : tuple of whole numbers
+    """
+
+    velocity: Vector | Callable[[np.ndarray], np.ndarray]
+    speed: float
+    seed: tuple[int, ...]
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """(n, d) [m/s] at `points` (n, d) [m]."""
+        direction = np.random.default_rng(self.seed).normal(size=points.shape[1])
+        return velocities("velocity", self.velocity, points) + self.speed * direction / np.linalg.norm(direction)
+
+
+def jittered(bodies: Sequence[Body], jitter: Any) -> tuple[Body, ...]:
+    """The bodies, each with a velocity of its own added, of random direction: how far the ends of such starts are apart
+    shows how chaotic a scene is.
+
+    A velocity is added, and no displacement, so that no body meets another one at the start.
+
+    Parameters
+    ----------
+    jitter : pair (speed [m/s], seed)
+
+    Raises
+    ------
+    InputError
+        It is no such pair.
+    """
+    pair = plain(jitter)
+    require(isinstance(pair, tuple) and len(pair) == 2, f"jitter = {pair!r} must be (speed in m/s, seed)")
+    finite("the speed of jitter", pair[0], 0.0)
+    count("the seed of jitter", pair[1], 0)
+    moved = []
+    for number, body in enumerate(bodies):
+        if isinstance(body.velocity, TakeOver):
+            raise InputError(f"jitter: body {body.name!r} takes its velocity over from an animation, and keeps it")
+        moved.append(replace(body, velocity=Jittered(body.velocity, float(pair[0]), (pair[1], number))))
+    return tuple(moved)

@@ -35,12 +35,7 @@ def at_time(name: str, value: TimedVector, time: float, dim: int) -> np.ndarray:
 
 @dataclass(frozen=True, repr=False)
 class Gravity(Element):
-    """A uniform acceleration [m/s^2]: a vector, `Keyed` vectors, or a function of time that gives one.
-
-    Attributes
-    ----------
-    acceleration : (d,) [m/s^2], `Keyed` ones, or a function of time [s] that gives it
-    """
+    """A uniform acceleration (d,) [m/s^2]: a vector, `Keyed` vectors, or a function of time [s] that gives one."""
 
     acceleration: TimedVector
     checks = {"acceleration": timed(vector)}

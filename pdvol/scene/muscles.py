@@ -73,9 +73,8 @@ class Muscle(Element):
         """(n,) [Pa] at a time [s] and rest positions (n, d). Raises InputError where a function fails, or gives what is
         negative or not finite.
         """
-        if isinstance(self.activation, Keyed) or not callable(self.activation):
-            level = self.activation(time) if isinstance(self.activation, Keyed) else self.activation
-            return np.full(len(points), self.strength * level)
+        if not callable(self.activation):
+            return np.full(len(points), self.strength * self.activation)
         if fits(self.activation, 2):
             found = called("Muscle.activation", self.activation, (time, points.copy()), (len(points),)).astype(float)
         else:

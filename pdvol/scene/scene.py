@@ -7,12 +7,11 @@ from typing import Any, get_args
 
 from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.scene.attachments import Attachment, Pull
-from pdvol.scene.bodies import Body, Separate
+from pdvol.scene.bodies import Body, Separate, jittered
 from pdvol.scene.checks import choice, count, finite, instance, optional, positive, require, several
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.element import NOT_SIMULATED, Element
 from pdvol.scene.hand import Hand
-from pdvol.scene.jitter import jittered
 from pdvol.scene.loads import Impulse, Load
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.solver import Penalty, Solver

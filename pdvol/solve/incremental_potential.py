@@ -14,7 +14,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
-from pdvol.potentials.potential import LEAST_LEFT, Positions, Potential, Rates, by_names
+from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates, Term, by_names
 from pdvol.solve.report import Stopwatch
 
 TINY = float(np.finfo(float).tiny)  # stands for a force of zero in a quotient
@@ -40,12 +40,12 @@ class IncrementalPotential:
         self._gradients: list[np.ndarray] = []  # those of inertia and terms there
 
     @property
-    def terms(self) -> tuple[Potential, ...]:
+    def terms(self) -> tuple[Term, ...]:
         """All potentials."""
         return self._terms
 
     @terms.setter
-    def terms(self, terms: tuple[Potential, ...]) -> None:
+    def terms(self, terms: tuple[Term, ...]) -> None:
         in_contact = {id(term) for term in (*self.contacts, *self.frictions)}
         part_of = lambda term: "contact" if id(term) in in_contact else "assembly"
         self._terms = terms

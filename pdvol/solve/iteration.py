@@ -64,7 +64,6 @@ class Iteration:
 
     Attributes
     ----------
-    start : Positions
     energy : the potential at the start [kg m^2]
     direction : (n_owned, d) [m]
         Newton's full step.
@@ -113,7 +112,6 @@ class Solve:
     states : the last two configurations, so that terms share what they derived from them (`Positions.get`)
     vectors : by the handle of a vector of PETSc, the number of changes to it, and its configuration then
     tolerance : [m/s], the relative one of the present state included
-    report : NewtonReport
     projection : of the next Hessian
     unprojected_failed : whether the last unprojected Hessian was indefinite, or its direction led nowhere: the next one
         is projected instead

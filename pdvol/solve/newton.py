@@ -51,8 +51,7 @@ class Newton:
 
     Parameters
     ----------
-    system : NewtonSystem
-        Its settings' tolerance is in m/s.
+    system : its settings' tolerance is in m/s
     iterated : called with the state after each iteration of a solve, or before a direction, and how many there were
 
     Attributes

@@ -22,10 +22,8 @@ class NewtonSystem:
 
     Parameters
     ----------
-    potential : IncrementalPotential
     supported : (n_owned,) bool
         Vertices that do not move: their rows and columns are the identity's.
-    settings : Solver
     coarse_weights : as `Stepper` takes it
 
     Attributes

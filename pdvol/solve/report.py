@@ -79,15 +79,7 @@ class _Part:
             watch.cpu += time.process_time() - watch.cpu_start
 
 
-REMEDIES = (
-    "clamp",
-    "abs",
-    "direct",
-    "workspace",
-    "halvings",
-    "last_resort",
-    "substeps",
-)
+REMEDIES = ("clamp", "abs", "direct", "workspace", "halvings", "last_resort", "substeps")
 
 
 def no_remedies() -> dict[str, int]:
@@ -159,7 +151,7 @@ class StepReport:
     kappa : stiffness of the barrier [Pa]
     reached : share of the step's scripted motion that was carried out, at least
     struck : how many steps of implicit Euler in a row, this one included, a blow fell in: the integrator begins anew
-    terms : what the next step needs to know of the terms, by their names (`Potential.memory`)
+    terms : what the next step needs to know of the terms, by their names (`Term.memory`)
     behind : [s] how far scripted motions are behind the time at the step's end, at most, because contact stops them
     late : the same of each motion that is behind, by its name, where they are not all equally far behind
     cuts : how often the step was halved

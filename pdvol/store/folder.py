@@ -164,7 +164,9 @@ def require_free(path: Path, replace: bool = False) -> None:
     require_place(path)
     if holds_run(path):
         if not replace:
-            raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
+            raise InputError(
+                f"{path} already holds a run; go on with it by --resume (resume=True), or choose another folder"
+            )
     elif path.exists() and not (path / "run.json").exists():
         if any(not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()):
             raise InputError(f"{path} is not empty and holds no run: choose another folder")

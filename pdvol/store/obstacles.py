@@ -30,7 +30,6 @@ class DrawnObstacle:
 
     Attributes
     ----------
-    name : str
     kind : "plane", "mesh" or "polyline"
     arrays : dict of numpy arrays, as in the module's table
     """

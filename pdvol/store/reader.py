@@ -17,9 +17,8 @@ from pdvol.store.files import lock, read_array, read_arrays, require_no_link_out
 from pdvol.store.folder import OLD_FORMAT, RECORD, late_file, level_folder, read_info
 from pdvol.store.log import read_log
 from pdvol.store.obstacles import DrawnObstacle, read_obstacles
-from pdvol.store.old_states import OldStates
 from pdvol.store.render_meshes import StoredRender, read_render_meshes, read_render_weights
-from pdvol.store.states import States
+from pdvol.store.states import OldStates, States
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -301,16 +300,8 @@ class Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a stored run for reading, also while it is being written.
-
-    Parameters
-    ----------
-    path : folder of a run
-
-    Returns
-    -------
-    Run
-        Its arrays are read when they are needed.
+    """Open the folder of a stored run for reading, also while it is being written. Arrays are read when they are
+    needed.
 
     Raises
     ------

@@ -53,8 +53,6 @@ class Series:
 
     Parameters
     ----------
-    run : Run
-    level : int
     more : fields beside `displacement` [m], `velocity` [m/s], `body` and `region`
 
     Raises

@@ -26,9 +26,8 @@ from pdvol.store.folder import (
     run_state,
 )
 from pdvol.store.log import log_line, write_known
-from pdvol.store.old_states import OldStates
 from pdvol.store.reader import Run
-from pdvol.store.states import States
+from pdvol.store.states import OldStates, States
 
 
 class RunWriter:

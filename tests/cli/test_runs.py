@@ -111,7 +111,7 @@ def test_info(whole, scene, capsys):
     assert "method progressive" in out and "level 0: done, 9 vertices, 10 steps" in out and "levels 0 -> 1:" in out
     assert pdvol("info", scene, "--set", "mu=0.7") == 0
     out = capsys.readouterr().out
-    said = ("body 'square': NeoHookean, young 20000 Pa", "friction: mu 0.7", "obstacle 'floor': half-space")
+    said = ("body 'square': NeoHookean, young 20000 Pa", "friction: mu 0.7", "obstacle: Plane(", "name='floor'")
     assert all(part in out for part in said)
     assert "10 steps of 0.02 s" in out and "integrator" not in out
     assert pdvol("info", scene, "--set", "integrator=implicit_euler") == 0

@@ -13,12 +13,11 @@ import pdvol
 from benchmarks.common.scenes import first_order
 from benchmarks.stress import __main__ as stress
 from benchmarks.stress import scenes
-from pdvol.levels.initial_state import check_start
-from pdvol.levels.obstacles import placed_obstacles
 from pdvol.measure.verify import verify_run
 from pdvol.meshing.build import build_levels
 from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import Shot, load_shot
+from problems import check_start
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "benchmarks" / "stress" / "scenes.py"
@@ -30,7 +29,7 @@ def started(name):
     """A scene's levels, once they have been found to start well."""
     scene = scenes.scene(name)
     levels = build_levels(scene)
-    check_start(levels, placed_obstacles(scene.obstacles), [body.name for body in scene.bodies])
+    check_start(levels, scene)
     return levels
 
 

@@ -7,6 +7,8 @@ from mpi4py import MPI
 
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.initial_state import find_defects
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import LevelModel, level_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -40,9 +42,10 @@ def elastic(space, *materials, elements="linear"):
     return elastic_terms(space, cell_materials(make_scene(materials, elements=elements), space.mesh))
 
 
-def make_model(scene, mesh, obstacles=(), level=0, materials=None, diagonal=1.0) -> LevelModel:
+def make_model(scene, mesh, obstacles=()) -> LevelModel:
     """A scene on a mesh; `obstacles` is the geometry of its `Rigid` ones."""
-    return level_model(scene, mesh, level, diagonal, placed_obstacles(scene.obstacles, obstacles), materials)
+    levels = Hierarchy([mesh], MPI.COMM_SELF)
+    return level_model(scene, levels, 0, 1.0, placed_obstacles(scene.obstacles, obstacles))
 
 
 def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD, integrator=None, forces=False) -> Stepper:
@@ -84,3 +87,11 @@ def tetrahedron(vertices):
     """A rigid tetrahedron's geometry, as `make_model` takes it."""
     edges = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
     return np.asarray(vertices, dtype=float), edges, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def check_start(levels, scene):
+    """Raises the first defect of some level of a scene at t = 0."""
+    obstacles, names = placed_obstacles(scene.obstacles), [body.name for body in scene.bodies]
+    for number, mesh in enumerate(levels):
+        for defect in find_defects(number, mesh, obstacles, names, levels):
+            raise defect.error

@@ -11,7 +11,7 @@ from pdvol import meshes
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.geometry.rigid_motions import Pose
 from pdvol.integrate.marches import Start, direct
-from pdvol.integrate.scripted_motion import Carriers
+from pdvol.integrate.scripted_motion import carriers
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.meshing.build import read_obstacle
 from pdvol.scene import Barrier, Friction, Placement, Plane, Rigid, Rotation, Solver, Support, Translation
@@ -123,9 +123,8 @@ STILL, PUSH, OTHER = (
 
 def carried(pairs, held=()):
     """Who carries whom where these pairs meet whenever exactly one of them goes along, or both with different ones."""
-    of = lambda thing, carriers: thing if not isinstance(thing, int) and thing.moves else carriers.get(thing)
-    meet = lambda carriers: [pair for pair in pairs if of(pair[0], carriers) is not of(pair[1], carriers)]
-    return Carriers(frozenset(held), meet)
+    by = lambda thing, of: thing if not isinstance(thing, int) and thing.moves else of.get(thing)
+    return carriers(frozenset(held), lambda of: [pair for pair in pairs if by(pair[0], of) is not by(pair[1], of)])
 
 
 @pytest.mark.parametrize(
@@ -139,8 +138,7 @@ def carried(pairs, held=()):
     ],
 )
 def test_who_is_carried(pairs, held, of, blocked):
-    found = carried(pairs, held)
-    assert found.of == of and bool(found.blocked) == blocked
+    assert carried(pairs, held) == (of, blocked)
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -45,7 +45,7 @@ class Pair:
         self.coarse, self.fine = (self.levels[i].mesh for i in (0, 1))
         physics = {"dt": DT, "materials": (SOFT,) * count} | physics
         scene = replace(make_scene(**physics), feedback=beta)
-        self.model = level_model(scene, self.fine, 1, 1.0, placed_obstacles(scene.obstacles))
+        self.model = level_model(scene, self.levels, 1, 1.0, placed_obstacles(scene.obstacles))
         self.path = lambda step: path(step, self.coarse.points)
         (self.feedback,) = level_feedback(self.model, self.levels, "progressive", self.path)
         self.stepper = Stepper(self.model, self.levels[1], FromCoarser(feedback=(self.feedback,)), integrator)
@@ -109,14 +109,14 @@ def test_the_whole_share_is_exact_on_rigid_motions_body_by_body(d):
     pair = Pair(path, d, count=2, beta=1.0)
     x = pair.fine.points @ turn(0.4, d).T + 1.0
     goal = pair.levels.prolongation(1).prolong(pair.path(0))
-    np.testing.assert_allclose(x + pair.feedback.push(0, x), goal, atol=1e-7)
+    np.testing.assert_allclose(x + pair.feedback(0, x), goal, atol=1e-7)
 
 
 def test_the_push_leaves_the_shape_alone():
     """A level below that is smaller, about its centre, gives no rigid push."""
     squeezed = lambda step, X: 0.5 + (X - 0.5) * 0.8
     x = Pair(squeezed).fine.points
-    np.testing.assert_allclose(Pair(squeezed).feedback.push(0, x), 0.0, atol=1e-9)
+    np.testing.assert_allclose(Pair(squeezed).feedback(0, x), 0.0, atol=1e-9)
 
 
 def test_supports_are_kept_exactly():
@@ -128,7 +128,7 @@ def test_supports_are_kept_exactly():
     pair = Pair(lambda step, X: X + aside, count=2, supports=(hold,))
     x, first = pair.fine.points, pair.fine.point_bodies == 0
     held = x[:, 0] < 1e-9
-    during, after = (pair.feedback.push(step, x) for step in (3, 4))
+    during, after = (pair.feedback(step, x) for step in (3, 4))
     np.testing.assert_array_equal(during[first], 0.0)
     np.testing.assert_allclose(during[~first], BETA * np.tile(aside, ((~first).sum(), 1)), atol=1e-9)
     np.testing.assert_allclose(after, BETA * np.tile(aside, (len(x), 1)), atol=1e-9)

@@ -38,7 +38,7 @@ def places(reports, rest):
 
 def guided(levels, scene, path, integrator, **more):
     guides = (guide(W, DT, levels.prolongation(1), path.__getitem__),)
-    model = level_model(scene, levels[1].mesh, 1, 1.0)
+    model = level_model(scene, levels, 1, 1.0)
     return Stepper(model, levels[1], FromCoarser(guides=guides), integrator, **more)
 
 
@@ -106,7 +106,7 @@ def test_a_cut_step_goes_by_the_coarse_velocity(pair, name, monkeypatch):
     levels, fine, scene, path = pair
     integrator = INTEGRATORS[name]()
     below = lambda step: past_of(integrator, path.__getitem__, np.zeros_like(path[0]), step, DT)
-    stepper, solves = Stepper(level_model(scene, fine, 1, 1.0), levels[1], integrator=integrator), []
+    stepper, solves = Stepper(level_model(scene, levels, 1, 1.0), levels[1], integrator=integrator), []
     solve = stepper.newton.solve
 
     def fails_once(x, *choices, **more):

@@ -8,11 +8,13 @@ from pdvol.integrate.integrator import past_of
 from pdvol.integrate.marches import Start, direct, mean_of_forces, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.model import level_model
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver
-from problems import SOFT, block, make_model, make_scene, make_stepper, polyline, tetrahedron
+from problems import SOFT, block, make_scene, make_stepper, polyline, tetrahedron
 
 G = 9.81
 
@@ -69,7 +71,14 @@ def test_progressive_on_the_same_mesh_repeats_direct(d, name):
     prolongation = levels.prolongation(1)
     assert abs(prolongation.weights() - np.eye(len(mesh.points))).max() < 1e-12
     integrator = INTEGRATORS[name]()
-    problems = [Stepper(make_model(scene, mesh, obstacles, i), levels[i], integrator=integrator) for i in range(2)]
+    problems = [
+        Stepper(
+            level_model(scene, levels, i, 1.0, placed_obstacles(scene.obstacles, obstacles)),
+            levels[i],
+            integrator=integrator,
+        )
+        for i in range(2)
+    ]
     coarse = list(direct(problems[0], Start.at_rest(mesh.points, velocity), scene.steps))
     places = [mesh.points, *(report.positions for report in coarse)]
     below = lambda step: past_of(integrator, places.__getitem__, velocity, step, scene.dt)
@@ -130,10 +139,7 @@ def test_a_level_is_the_sum_of_what_steps_have_added():
     scene, fine, _, velocity = falling(2, 1e-8, 8, contact=False)
     coarse = block((0.0, 0.02), (0.3, 0.32), 1)
     levels, integrator = Hierarchy([coarse, fine], MPI.COMM_WORLD), INTEGRATORS["implicit_euler"]()
-    problems = [
-        Stepper(make_model(scene, mesh, (), i), levels[i], integrator=integrator)
-        for i, mesh in enumerate((coarse, fine))
-    ]
+    problems = [Stepper(level_model(scene, levels, i, 1.0), levels[i], integrator=integrator) for i in range(2)]
     thrown = np.tile([0.4, -1.0], (len(coarse.points), 1)) + 2.0 * (coarse.points - 0.1) ** 2
     below = [coarse.points]
     below += [report.positions for report in direct(problems[0], Start.at_rest(coarse.points, thrown), scene.steps)]
@@ -142,7 +148,7 @@ def test_a_level_is_the_sum_of_what_steps_have_added():
     places = [report.positions for report in progressive(problems[1], levels.prolongation(1), past, start, scene.steps)]
     space, added = levels[1], np.zeros_like(fine.points)
     for n, place in enumerate(places[1:], 1):
-        terms = build_terms(make_model(scene, fine, (), 1), space)
+        terms = build_terms(level_model(scene, levels, 1, 1.0), space)
         begin, end = (Positions(space, space.from_input(x)) for x in (places[n - 1], place))
         for term in terms.potentials:
             term.begin_step(begin, n * scene.dt, (n + 1) * scene.dt)

@@ -10,7 +10,7 @@ from on_ranks import results_on
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import hierarchy_model
+from pdvol.levels.model import level_model
 from pdvol.registry import ELEMENTS
 from shapes import box, together
 
@@ -71,7 +71,7 @@ def scene_of(d, elements):
 def load(comm, d, elements):
     scene = scene_of(d, elements)
     hierarchy = Hierarchy([together(box(d, n), box(d, n, 1.5, 2.5)) for n in (2, 4)], comm)
-    model = hierarchy_model(scene, hierarchy, 1, 1.0)
+    model = level_model(scene, hierarchy, 1, 1.0)
     materials = model.materials
     reports = list(direct(Stepper(model, hierarchy[1]), Start.at_rest(model.start, model.velocity), scene.steps))
     return {

@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.integrate import scripted_motion
-from pdvol.integrate.scripted_motion import FIRST_ITERATIONS, LEAST_GAIN, Carriers, MotionParts
+from pdvol.integrate.scripted_motion import FIRST_ITERATIONS, LEAST_GAIN, MotionParts
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.scene import Solver
@@ -44,7 +44,7 @@ class Motion:
         self.moves = not movers
 
     def carriers(self, potential, x, until):
-        return Carriers(frozenset(), lambda of: ())
+        return {}, False
 
     def touched(self, potential, x, carried):
         return {}

@@ -7,7 +7,7 @@ from mpi4py import MPI
 import pdvol
 from contact_reference import DHAT, KAPPA, brute_force_energy, random_tetrahedra, two_boxes
 from pdvol import Attachment, Barrier, Body, Gravity, NeoHookean, Plane, Relative, Rotation, Scene, Solver, Support
-from pdvol.levels.attachments import attachment_springs, bound_springs
+from pdvol.levels.attachments import bound_springs
 from pdvol.levels.space import LevelSpace
 from pdvol.meshes import Solid
 from pdvol.potentials.attachments import Attachments
@@ -109,7 +109,7 @@ def test_springs_do_not_see_where_the_origin_is(d):
     scene = make_scene(
         (SOFT, SOFT), attachments=(Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.9, stiffness=300.0),)
     )
-    (springs,) = bound_springs(attachment_springs(scene, mesh, mesh.points), mesh, mesh.points)
+    (springs,) = bound_springs(scene, mesh, mesh.points, mesh, mesh.points)
     term = Attachments(LevelSpace(mesh, MPI.COMM_SELF), springs)
     moved = mesh.points + 0.1 * np.random.default_rng(2).uniform(-1.0, 1.0, mesh.points.shape)
     x = term.space.from_input(np.round(moved / GRAIN) * GRAIN)

@@ -12,8 +12,15 @@ from test_binding import comb_pair, fold_pair
 
 from pdvol.errors import MeshError
 from pdvol.levels.binding import INSIDE, bind
-from pdvol.levels.interpolants.biharmonic import biharmonic, biharmonic_columns, flux_laplacian, squared_laplacian
-from pdvol.levels.interpolants.locality import DROPPED, make_local, restore_affine
+from pdvol.levels.interpolants.biharmonic import (
+    DROPPED,
+    biharmonic,
+    biharmonic_columns,
+    flux_laplacian,
+    make_local,
+    restore_affine,
+    squared_laplacian,
+)
 from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace

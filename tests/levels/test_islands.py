@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.levels.binding import ISLAND, bind
+from pdvol.levels.binding import ISLAND, bind, find_islands
 from pdvol.levels.geodesic import bind_outside
-from pdvol.levels.islands import find_islands
 from pdvol.levels.locate import containing_cells
 from pdvol.levels.space import LevelSpace
 from shapes import box, level, together

@@ -8,11 +8,11 @@ import pytest
 from pdvol import Outline, open_run
 from pdvol.cli import run
 from pdvol.errors import InputError, IntersectionError
-from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.meshing.build import build_levels
 from pdvol.runs.separation import build_apart as build_apart_from
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
+from problems import check_start
 from shapes import solid
 
 SOFT = NeoHookean(2e5)
@@ -30,10 +30,6 @@ def two_boxes(d, gap, separate, *obstacles, contact=CONTACT):
     return Scene((one, other), dt=0.01, steps=1, contact=contact, separate=separate, obstacles=obstacles)
 
 
-def check(level_meshes, scene):
-    check_start(level_meshes, placed_obstacles(scene.obstacles), [body.name for body in scene.bodies])
-
-
 def build_apart(scene, count):
     return build_apart_from(scene, count, placed_obstacles(scene.obstacles))
 
@@ -43,9 +39,9 @@ def test_moved_apart(d):
     """Both move, as little as it takes in steps of a hundredth of their diagonals, the same on both levels."""
     scene = two_boxes(d, -0.1, (Separate("move"),))
     with pytest.raises(IntersectionError):
-        check(build_levels(scene), scene)
+        check_start(build_levels(scene), scene)
     meshes, report = build_apart(scene, 2)
-    check(meshes, scene)
+    check_start(meshes, scene)
     step = 0.01 * np.sqrt(d)
     for mesh in meshes:
         for body, start in ((0, 0.0), (1, 0.9)):
@@ -61,7 +57,7 @@ def test_moved_apart(d):
 def test_shrunk():
     scene = two_boxes(2, -0.1, (Separate("shrink"),))
     meshes, report = build_apart(scene, 2)
-    check(meshes, scene)
+    check_start(meshes, scene)
     size = meshes[0].volumes[meshes[0].bodies == 0].sum() ** 0.5
     assert 0.88 - 1e-9 <= size < 0.9
     assert [line.split(" of its")[0] for line in report] == [f"body 'box {k}' shrunk to {size:.3g}" for k in (1, 2)]
@@ -90,7 +86,7 @@ def test_out_of_planes_and_obstacles():
     stone = Rigid(Outline(np.array([[0.9, 0.4], [1.2, 0.4], [1.2, 0.6], [0.9, 0.6]])), name="stone")
     scene = two_boxes(2, 0.3, (Separate(),), stone)
     meshes, report = build_apart(scene, 2)
-    check(meshes, scene)
+    check_start(meshes, scene)
     assert [line.split(" moved")[0] for line in report] == ["body 'box 1'"]
 
 
@@ -114,9 +110,9 @@ def test_refined_where_the_coarse_shape_cuts_corners():
     scene = Scene(bodies, dt=0.01, steps=1, contact=(Barrier(),), separate=(Separate("refine", 1.0),))
     plain = build_levels(scene)
     with pytest.raises(IntersectionError, match="level 0"):
-        check(plain, scene)
+        check_start(plain, scene)
     meshes, report = build_apart(scene, 2)
-    check(meshes, scene)
+    check_start(meshes, scene)
     assert len(meshes[0].points) > len(plain[0].points)
     np.testing.assert_array_equal(meshes[1].points, plain[1].points)
     assert report and all("level 0" in line for line in report)

@@ -6,10 +6,10 @@ import pytest
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.initial_state import check_start, find_defects
-from pdvol.levels.obstacles import placed_obstacles
+from pdvol.levels.initial_state import find_defects
 from pdvol.meshes import Solid
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
+from problems import check_start
 from shapes import box, together
 
 SOFT = NeoHookean(2e5)
@@ -42,13 +42,9 @@ def scene(dim, count, *obstacles):
     return Scene(bodies=bodies, dt=0.01, steps=1, obstacles=obstacles, contact=(Barrier(),))
 
 
-def check(level_meshes, the_scene):
-    check_start(level_meshes, placed_obstacles(the_scene.obstacles), [body.name for body in the_scene.bodies])
-
-
 def refuse(match, meshes_, the_scene):
     with pytest.raises(IntersectionError, match=match) as caught:
-        check(meshes_, the_scene)
+        check_start(meshes_, the_scene)
     assert "\n" not in str(caught.value)
     assert caught.value.pairs
     return caught.value
@@ -60,7 +56,7 @@ APART, CROSSING, INSIDE, TOUCHING = (1.0, 1.5), (1.0, (0.7, 0.6, 0.5)), (0.3, 0.
 @pytest.mark.parametrize("dim", [2, 3])
 def test_bodies(dim):
     good, whole = level(dim, (1.0, 0.0), APART), scene(dim, 2)
-    check([good, good], whole)
+    check_start([good, good], whole)
     error = refuse("level 1: body 'b.' crosses body 'b.'", [good, level(dim, (1.0, 0.0), CROSSING)], whole)
     first, second = error.pairs[0]
     assert len(first) == 2 and len(second) == dim
@@ -82,7 +78,7 @@ def test_what_a_finer_level_keeps_apart_is_said(dim, meeting):
 def test_a_hair_apart_is_fine(dim):
     shift = np.zeros(dim)
     shift[0] = 1.0 + 1e-6
-    check([level(dim, (1.0, 0.0), (1.0, shift))], scene(dim, 2))
+    check_start([level(dim, (1.0, 0.0), (1.0, shift))], scene(dim, 2))
 
 
 def test_a_body_that_crosses_itself():
@@ -101,7 +97,7 @@ def test_obstacles(dim):
 
     one = [level(dim, (1.0, 0.0))]
     whole = scene(dim, 1, rigid(-0.31, 0.5, 0.5))
-    check(one, whole)
+    check_start(one, whole)
     refuse(
         "(body 'b0' crosses obstacle 'rock')|(obstacle 'rock' crosses body 'b0')",
         one,
@@ -110,10 +106,10 @@ def test_obstacles(dim):
     refuse("obstacle 'rock' lies inside body 'b0'", one, scene(dim, 1, rigid(0.5)))
     refuse("body 'b0' lies inside obstacle 'rock'", [level(dim, (0.05, 0.0))], scene(dim, 1, rigid(0.0)))
     hollow = scene(dim, 1, rigid(0.0, closed=False))
-    check([level(dim, (0.05, 0.0))], hollow)
+    check_start([level(dim, (0.05, 0.0))], hollow)
     # Obstacles may overlap: a floor of several pieces, say.
     several = scene(dim, 1, rigid(-0.4), rigid(-0.5))
-    check(one, several)
+    check_start(one, several)
     moving = rigid(-2.0, 0.5, 0.5, motion=lambda X, t: X + np.eye(dim)[0] * (2.0 + t))
     refuse("crosses", one, scene(dim, 1, moving))
 
@@ -123,7 +119,7 @@ def test_planes(dim):
     up = tuple(np.eye(dim)[1])
     one = [level(dim, (1.0, 0.0))]
     below = tuple(np.full(dim, -0.1))
-    check(one, scene(dim, 1, Plane(below, up, motion=Translation((0.0,) * dim))))
+    check_start(one, scene(dim, 1, Plane(below, up, motion=Translation((0.0,) * dim))))
     n = 2 ** (dim - 1)
     error = refuse(
         rf"level 0: {n} vertices are at or below plane 'plane' .* by 0.2 m", one, scene(dim, 1, Plane((0.2,) * dim, up))
@@ -131,12 +127,7 @@ def test_planes(dim):
     assert len(error.pairs) == n
     refuse("at or below", one, scene(dim, 1, Plane((0.0,) * dim, up)))
     with pytest.raises(InputError, match="give . components"):
-        check(one, scene(dim, 1, Plane((0.0,) * (5 - dim), tuple(np.eye(5 - dim)[1]))))
-
-
-def test_an_obstacle_mesh_for_each_rigid():
-    with pytest.raises(InputError, match="give one for each"):
-        placed_obstacles(scene(2, 1, Rigid(shape=meshes.disc())).obstacles, [])
+        check_start(one, scene(dim, 1, Plane((0.0,) * (5 - dim), tuple(np.eye(5 - dim)[1]))))
 
 
 def test_what_touches_does_not_depend_on_what_is_far_away():

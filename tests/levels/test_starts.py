@@ -92,7 +92,7 @@ def test_the_smallest_gap_is_that_at_the_start():
     shot = scene(cube(), cube(lambda X: X - (0.9, 1.9), low=2.0, name="other"))
     begun = started(shot, build_levels(shot)[0], 0)
     gap, _ = smallest_gap(begun, (), ["cube", "other"], 0.4)
-    assert gap.distance == pytest.approx(0.1)
+    assert gap["distance"] == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdvol import Body, NeoHookean, Scene, meshes
-from pdvol.levels.thickness import MOST_CELLS, cells_through
+from pdvol.levels.level_check import MOST_CELLS, cells_through
 from pdvol.meshing.build import build_levels
 from shapes import solid
 

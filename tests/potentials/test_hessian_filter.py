@@ -138,5 +138,5 @@ def test_fibres_that_act_in_large_stretches_alone_are_seen(spaces):
 
     parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones}
     term = CellEnergy(space, Density(psi), parameters, Domains(space, ones > 0.0))
-    assert not term.uses_stretches
+    assert not term.stretches
     check_term(term, space, 1.8 * space.from_input(space.mesh.points), 1e-2)

@@ -12,8 +12,8 @@ from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import cell_materials, level_materials
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.elasticity import CauchyStress
 from pdvol.potentials.potential import Positions
-from pdvol.potentials.stress import CauchyStress
 from pdvol.registry import ELEMENTS
 from pdvol.scene import Body, FixedCorotational, Keyed, NeoHookean, Pressure, Region, Scene, StVenantKirchhoff
 from problems import elastic, make_scene

@@ -6,10 +6,10 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.muscles import cell_muscles, level_muscles
+from pdvol.levels.materials import cell_muscles, level_muscles
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.muscles import ActiveFibres
+from pdvol.potentials.elasticity import ActiveFibres
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Muscle, NeoHookean, Solver, Support
 from problems import SOFT, block, make_scene, make_stepper, take_step

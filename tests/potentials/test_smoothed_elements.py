@@ -11,9 +11,8 @@ from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
-from pdvol.potentials.elasticity import elastic_terms
+from pdvol.potentials.elasticity import CauchyStress, elastic_terms
 from pdvol.potentials.potential import Positions
-from pdvol.potentials.stress import CauchyStress
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import Muscle, NeoHookean, Region, StVenantKirchhoff, Support, Translation
 from problems import block, elastic, make_model, make_scene, make_stepper, march

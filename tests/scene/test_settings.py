@@ -7,7 +7,7 @@ import pytest
 
 from pdvol import Barrier, Body, Friction, InputError, NeoHookean, Relative, Scene, meshes
 from pdvol.runs.scene_file import parse_settings, stored_value
-from pdvol.scene.jitter import jittered
+from pdvol.scene.bodies import jittered
 from pdvol.store.files import jsonable
 
 

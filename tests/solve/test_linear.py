@@ -14,7 +14,7 @@ from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver, S
 from pdvol.solve import newton
 from pdvol.solve.linear import solver as linear
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
-from pdvol.solve.linear.option_check import check_options
+from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.solve.linear.solver import COARSE_SETUP, MUMPS_WORKSPACES, LinearSolver
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from problems import block, make_scene, make_stepper, take_step

@@ -195,7 +195,7 @@ def test_the_log_is_repaired(small_run):
 def test_folders_that_are_refused(small_run, tmp_path):
     """Those that hold something else are among the refusals of `pdvol run`."""
     before = (small_run / "run.json").read_bytes()
-    with pytest.raises(InputError, match="already holds a run: continue it with --resume"):
+    with pytest.raises(InputError, match="already holds a run; go on with it by --resume"):
         RunWriter.create(small_run, INFO, [], [])
     assert (small_run / "run.json").read_bytes() == before
     with pytest.raises(InputError, match="needs .*dt.* in its info"):

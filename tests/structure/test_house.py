@@ -301,7 +301,7 @@ from pdvol.integrate.marches import Start, direct
 from mpi4py import MPI
 mesh = LevelMesh(square.vertices, square.cells.astype(np.int64), np.zeros(2, np.int32), np.zeros(2, np.int32))
 hierarchy = Hierarchy([mesh], MPI.COMM_WORLD)
-stepper = Stepper(level_model(scene, mesh, 0, 1.0), hierarchy[0])
+stepper = Stepper(level_model(scene, hierarchy, 0, 1.0), hierarchy[0])
 reports = list(direct(stepper, Start.at_rest(mesh.points, 0 * mesh.points), 2))
 pdvol
 """

@@ -10,6 +10,7 @@ find. A density may have a `model` of its second derivatives instead, which is p
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
@@ -59,11 +60,11 @@ class CellEnergy(Term):
 
     Parameters
     ----------
-    space : LevelSpace
-    density : Density
     parameters : mapping of names to arrays (m,), of the mesh's cells; a domain has the volume-weighted means
-    domains : Domains
-    name : str
+
+    Attributes
+    ----------
+    stretches : kernels by which Hessians are computed, many times faster, of isotropic densities in 3D; else none
 
     Raises
     ------
@@ -103,20 +104,15 @@ class CellEnergy(Term):
         self._density, self._first = compiled(density), compiled(first)
         self._second: _Compiled | None = None
         self._model = compiled(model(F, v, w, **coefficients) * ONE_POINT) if model else None
-        self._stretches: tuple[_Compiled, ...] = ()
-        by_stretches = d == 3 and model is None and parameters
-        if by_stretches and (self._is_isotropic() if law.isotropic is None else law.isotropic):
+        self.stretches: tuple[_Compiled, ...] = ()
+        bystretches = d == 3 and model is None and parameters
+        if bystretches and (self._is_isotropic() if law.isotropic is None else law.isotropic):
             s, one, other = (kind(tensors((3,))) for kind in (ufl.Coefficient, ufl.TestFunction, ufl.TrialFunction))
             diagonal = ufl.as_matrix([[s[i] if i == j else 0 for j in range(3)] for i in range(3)])
             slope = ufl.derivative(psi(diagonal, **coefficients) * ONE_POINT, s, one)
-            self._stretches = compiled(slope), compiled(ufl.derivative(slope, s, other))
+            self.stretches = compiled(slope), compiled(ufl.derivative(slope, s, other))
         else:
             self._second = compiled(ufl.derivative(first, F, w))
-
-    @property
-    def uses_stretches(self) -> bool:
-        """Whether Hessians are computed from the stretches, many times faster: isotropic densities in 3D."""
-        return bool(self._stretches)
 
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F, near rest and far from it, and rotations Q, R; the same on
@@ -146,7 +142,7 @@ class CellEnergy(Term):
         """Sets the values (count,) that the domains themselves have of some parameters."""
         self._version += 1
         lanes = {name: _in_lanes(of_name) for name, of_name in values.items()}
-        for kernel in (self._density, self._first, self._second, self._model, *self._stretches):
+        for kernel in (self._density, self._first, self._second, self._model, *self.stretches):
             if kernel is not None:
                 kernel.fill(lanes)
 
@@ -165,14 +161,25 @@ class CellEnergy(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         slots = pointer(into.pattern.slots[self.domains], "int32_t")
         mode, places, out = FILTERS[into.projection], (pointer(x.local), slots), into.cells
-        if self._stretches:
-            kernels = (kernel.c for kernel in self._stretches)
+        if self.stretches:
+            kernels = (kernel.c for kernel in self.stretches)
             library[self.space.dim].isotropic_hessians(self._domains, *kernels, *places, mode, weight, pointer(out))
         elif self._second is not None:
             kernel = self._model if into.projection == "clamp" and self._model is not None else self._second
             # A Hessian without F is that of a quadratic energy.
             mode = 0 if kernel is self._model or kernel.c.at < 0 else mode
             library[self.space.dim].domain_hessians(self._domains, kernel.c, *places, mode, weight, pointer(out))
+
+
+def entries_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Parameters: the entries (n,) of symmetric matrices (n, d, d), by their names."""
+    pairs = combinations_with_replacement(range(values.shape[1]), 2)
+    return {f"{name}{i}{j}": values[:, i, j] for i, j in pairs}
+
+
+def matrix_of(name: str, parameters: Mapping[str, Any], d: int) -> Any:
+    """The symmetric matrix (d, d) of UFL whose entries are these parameters."""
+    return ufl.as_matrix([[parameters[f"{name}{min(i, j)}{max(i, j)}"] for j in range(d)] for i in range(d)])
 
 
 def _rotation(rng: np.random.Generator) -> np.ndarray:

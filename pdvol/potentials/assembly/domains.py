@@ -21,7 +21,6 @@ class Domains:
 
     Parameters
     ----------
-    space : LevelSpace
     chosen : (m,) bool
         The mesh's cells that are divided into domains.
     smoothing : (m,) int, optional

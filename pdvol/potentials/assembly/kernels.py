@@ -62,7 +62,6 @@ class Kernel:
 
     Parameters
     ----------
-    comm : MPI.Comm
     form : over `ONE_POINT`, of coefficients and arguments in `tensors`
 
     Attributes

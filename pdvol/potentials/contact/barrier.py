@@ -35,7 +35,6 @@ class ContactBarrier(Term):
 
     Parameters
     ----------
-    candidates : Candidates
     kappa : stiffness [Pa]
     """
 
@@ -69,18 +68,9 @@ class ContactBarrier(Term):
         return self.surface.rows_of(self.contacts(x).gradient)
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        found = self.contacts(x)
-        into.add_compiled(
-            library[self.space.dim].barrier_blocks,
-            10 * len(found),
-            self.surface.rows,
-            found.c,
-            pointer(self.surface.vertices(x)),
-            self.dhat,
-            self.kappa,
-            weight,
-            into.projection != "none",
-        )
+        found, places = self.contacts(x), pointer(self.surface.vertices(x))
+        given = found.c, places, self.dhat, self.kappa, weight, into.projection != "none"
+        self.surface.add_blocks(into, "barrier_blocks", len(found), *given)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
@@ -141,15 +131,7 @@ class ContactBarrier(Term):
     def add_sticking(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Adds weight times what makes contacts between bodies as stiff across their gaps as along them: they stick."""
         found = self.contacts(x)
-        into.add_compiled(
-            library[self.space.dim].sticking_blocks,
-            10 * len(found),
-            self.surface.rows,
-            found.c,
-            self.dhat,
-            self.kappa,
-            weight,
-        )
+        self.surface.add_blocks(into, "sticking_blocks", len(found), found.c, self.dhat, self.kappa, weight)
 
     def count(self, x: Positions) -> int:
         """Number of contacts at x. Collective."""
@@ -232,12 +214,5 @@ class ContactBarrier(Term):
     def add_predicted(self, weight: float, into: HessianBlocks) -> None:
         """Adds weight times the Hessian as predicted, less the Hessian as it is: never negative."""
         if self.meets:
-            into.add_compiled(
-                library[self.space.dim].meeting_blocks,
-                10 * len(self._meetings),
-                self.surface.rows,
-                *self._c_meetings,
-                self.dhat,
-                self.kappa,
-                weight,
-            )
+            given = *self._c_meetings, self.dhat, self.kappa, weight
+            self.surface.add_blocks(into, "meeting_blocks", len(self._meetings), *given)

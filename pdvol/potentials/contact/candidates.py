@@ -112,7 +112,6 @@ class Candidates:
 
     Parameters
     ----------
-    surface : ContactSurface
     dhat : distance [m] up to which pairs matter
 
     Attributes

@@ -31,7 +31,6 @@ class LaggedFriction(Term):
 
     Parameters
     ----------
-    barrier : ContactBarrier
     mu : coefficient of friction, or a symmetric matrix (objects, objects) of them between the surface's objects
     eps_v : sliding speed [m/s] below which friction is smoothed
 
@@ -103,16 +102,8 @@ class LaggedFriction(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not self.has_friction:
             return
-        into.add_compiled(
-            library[self.space.dim].friction_blocks,
-            10 * len(self.contacts),
-            self.surface.rows,
-            self.contacts.c,
-            self._c,
-            pointer(self.surface.vertices(x)),
-            weight,
-            into.projection != "none",
-        )
+        given = self.contacts.c, self._c, pointer(self.surface.vertices(x)), weight, into.projection != "none"
+        self.surface.add_blocks(into, "friction_blocks", len(self.contacts), *given)
 
     # ---- the prediction
 

@@ -29,7 +29,6 @@ class Objects:
 
     Parameters
     ----------
-    primitives : Primitives
     needed : (objects,) bool
         Those whose boxes are asked for.
     """
@@ -145,7 +144,6 @@ class PairList:
 
     Parameters
     ----------
-    primitives : Primitives
     reach : distance [m] up to which pairs matter
     within : whether for the pairs within bodies; else for those between two bodies, or a body and an obstacle
 

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from pdvol.compiled import ffi, pointer
+from pdvol.geometry.crossings import counted_edges
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.script import Mover, Obstacle, Script
 from pdvol.levels.space import Collected, LevelSpace
 from pdvol.native import library
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
@@ -32,7 +34,6 @@ class ContactSurface:
 
     Parameters
     ----------
-    space : LevelSpace
     obstacles : tuple of Obstacle
     script : of the obstacles' motions; all on time where not given
 
@@ -123,6 +124,10 @@ class ContactSurface:
         """(k, d) values of the bodies' vertices, from this rank's rows (n_owned, d) of the level. Collective."""
         return rows[self._own_rows] if self.space.comm.size == 1 else self._collected(rows[self._own_rows])
 
+    def add_blocks(self, into: HessianBlocks, loop: str, count: int, *arguments: object) -> None:
+        """Adds the blocks that a compiled loop finds for so many contacts, ten for each at most."""
+        into.add_compiled(getattr(library[self.space.dim], loop), 10 * count, self.rows, *arguments)
+
     def rows_of(self, values: np.ndarray) -> np.ndarray:
         """(n_owned, d) rows of the level from values (n, d) of the surface; zero away from it."""
         rows = np.zeros((self.space.n_owned, self.space.dim))
@@ -178,12 +183,12 @@ class Primitives:
         self.objects, self.facets = objects.astype(np.int64), np.ascontiguousarray(facets, dtype=np.int32)
         n, d = len(vertices), self.d
         if d == 3:
-            corners = self.facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-            edges, of_facets = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+            edges, of_facets, _ = counted_edges(self.facets)
             self.edges, facet_edges = edges.astype(np.int32), of_facets.reshape(-1, 3)
         else:
             self.edges, facet_edges = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 3), dtype=np.int64)
-        self.lines, self.triangles = (self.edges, self.facets) if d == 3 else (self.facets, np.zeros((0, 3), np.int32))
+        self.lines = self.edges if d == 3 else self.facets
+        self.triangles = self.facets if d == 3 else np.zeros((0, 3), np.int32)
         lengths = np.linalg.norm(vertices[self.lines[:, 1]] - vertices[self.lines[:, 0]], axis=1)
         of = self.objects[self.lines[:, 0]]
         self.edge_length = float(np.median(lengths[of < bodies])) if (of < bodies).any() else 0.0

@@ -103,7 +103,6 @@ class CoarseSpace:
 
     Parameters
     ----------
-    space : LevelSpace
     weights : (n, m) sparse
         P of one component, rows in input order.
     supported : (n,) bool, in PETSc's block order
@@ -131,8 +130,7 @@ class CoarseSpace:
 
         Parameters
         ----------
-        rows : BlockCsr
-            A of this rank's rows, as `HessianBlocks.merged` gives it.
+        rows : A of this rank's rows, as `HessianBlocks.merged` gives it
         """
         d, comm = self.space.dim, self.space.comm
         keys, sums = self._own_sum(rows)

@@ -1,4 +1,12 @@
-"""Linear solves by PETSc's own methods: MUMPS' Cholesky, and what the user's options name."""
+"""Linear solves by PETSc's own methods: MUMPS' Cholesky, and what the user's options name; and whether PETSc takes
+these, known before anything is meshed.
+"""
+
+import ctypes
+from contextlib import suppress
+from itertools import count
+
+import numpy as np
 
 from pdvol.compat import PETSc
 from pdvol.errors import InputError
@@ -9,6 +17,8 @@ from pdvol.solve.linear.system_matrix import SystemMatrix
 # (INFOG(1) = -9) where pivoting on several ranks needs more
 MUMPS_WORKSPACES = (100, 400, 1600)
 LIBRARY_ERROR = 76  # PETSC_ERR_LIB, without a unit: PETSc's code for an error of a library that it calls
+TRIED_ROWS = 200  # of the matrix that options are tried on: multigrid has two levels there
+_serial = count()
 
 
 class PetscMethods:
@@ -16,7 +26,6 @@ class PetscMethods:
 
     Attributes
     ----------
-    ksp : PETSc.KSP
     options : the user's
     workspace : index in MUMPS_WORKSPACES of the one in use
     has_solved : whether a system was solved since `use`
@@ -104,3 +113,58 @@ def parse_options(text: str) -> dict[str, str]:
         else:
             options[name], name = word, None
     return options
+
+
+def check_options(settings: Solver) -> None:
+    """InputError where PETSc does not take the user's options or makes no use of them, before anything is made of them:
+    they are tried on a small matrix.
+    """
+    options = parse_options(settings.petsc)
+    if not options:
+        return
+    database = PETSc.Options(f"pdvol_tried_{next(_serial)}_")
+    try:
+        for direct in (False, True):
+            _try_options(options, database.prefix, direct)
+    except PETSc.Error as error:
+        reason = str(error).splitlines()[-1].rpartition("] ")[2]
+        raise InputError(f'Solver.petsc = "{settings.petsc}": {reason}') from None
+    unused = [f"-{name}" for name in options if not _is_used(database.prefix + name)]
+    for name in options:
+        database.delValue(name)
+    if unused:
+        raise InputError(f'Solver.petsc = "{settings.petsc}": PETSc makes no use of {", ".join(unused)}; leave it out')
+
+
+def _is_used(name: str) -> bool:
+    """Whether PETSc has looked at an option; petsc4py has no name for that."""
+    used = ctypes.c_int(0)
+    ctypes.CDLL(PETSc.__file__).PetscOptionsUsed(None, name.encode(), ctypes.byref(used))
+    return bool(used.value)
+
+
+def _try_options(options: dict[str, str], prefix: str, direct: bool) -> None:
+    """A solver with these options on a small matrix, ready to solve. Options that do not fit to the matrix pass here:
+    PETSc's error where they are used says more.
+    """
+    n = TRIED_ROWS
+    diagonals = np.column_stack([np.full(n, -1.0), np.full(n, 2.0), np.full(n, -1.0)]).ravel()[1:-1]
+    columns = (np.arange(n)[:, None] + (-1, 0, 1)).ravel()[1:-1].astype(PETSc.IntType)
+    rows = np.concatenate([[0], np.arange(2, 3 * n - 3, 3), [3 * n - 2]]).astype(PETSc.IntType)
+    matrix = PETSc.Mat().createAIJ((n, n), csr=(rows, columns, diagonals), comm=PETSc.COMM_SELF)
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setOptionsPrefix(prefix)
+    ksp.setType(PETSc.KSP.Type.PREONLY if direct else PETSc.KSP.Type.CG)
+    if direct:
+        ksp.pc.setType(PETSc.PC.Type.CHOLESKY)
+        ksp.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+    ksp.setOperators(matrix)
+    try:
+        set_options(ksp, options)
+        with suppress(PETSc.Error):
+            ksp.setUp()
+            ksp.setUpOnBlocks()
+    finally:
+        ksp.destroy()
+        matrix.destroy()

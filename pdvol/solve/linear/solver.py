@@ -14,13 +14,15 @@ never times: runs repeat to the last bit.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from itertools import count
-from weakref import proxy
+from types import SimpleNamespace
+
+from mpi4py import MPI
 
 from pdvol.compat import PETSc
 from pdvol.errors import SimulationError
 from pdvol.scene import Solver
+from pdvol.solve.callbacks import weakly
 from pdvol.solve.linear.coarse_space import CoarseSpace
-from pdvol.solve.linear.gradients import ConjugateGradients
 from pdvol.solve.linear.petsc_methods import MUMPS_WORKSPACES, PetscMethods, set_options
 from pdvol.solve.linear.system_matrix import SystemMatrix
 
@@ -33,6 +35,76 @@ COARSE_SETUP = 8
 MAX_ITERATIONS = 500
 _serial = count()
 _Reasons = PETSc.KSP.ConvergedReason
+# size of a block, over the mean of those on the diagonal beside it, below which the incomplete factor of smoothed
+# elements leaves it out: they have 2.5 times the blocks of linear ones, and a factor takes 10 times as long; without
+# weak blocks half of them are left, a factor takes a fifth of the time, and a solve 7 iterations instead of 6.
+WEAK = 0.03
+
+
+class ConjugateGradients:
+    """The compiled conjugate gradients (native/gradients.c), with an incomplete factor and a coarse space where wanted.
+    They solve with the last matrix. Factors and coarse operators are made when a solve needs them.
+
+    Parameters
+    ----------
+    coarse : called when a coarse space is needed for the first time; gives them from the cheapest to the best
+    dense : whether rows have so many blocks that the incomplete factor leaves out weak ones
+
+    Attributes
+    ----------
+    system : SystemMatrix
+        The last matrix.
+    space : index of the coarse space in use
+    is_current : whether the coarse operator serves for the next solve
+    """
+
+    def __init__(self, coarse: Callable[[], Sequence[CoarseSpace]], dense: bool):
+        self._make_spaces, self._drop = coarse, WEAK if dense else 0.0
+        self._spaces: Sequence[CoarseSpace] = ()
+        self.space, self.is_current = 0, False
+        self.system: SystemMatrix
+        self._is_factored, self._is_definite = False, True
+        self._fresh_iterations: int | None = None
+        self._excess = 0
+
+    @property
+    def has_better(self) -> bool:
+        """Whether there is a better coarse space than the one in use."""
+        return self.space + 1 < len(self._spaces)
+
+    def set_matrix(self, system: SystemMatrix) -> None:
+        """After an assembly of `system`: the next solves are with it."""
+        self.system, self._is_factored = system, False
+
+    def prepare(self, with_coarse: bool) -> bool:
+        """Factors a new matrix, and renews an outdated coarse operator if there is to be one. Returns whether the
+        matrix may be positive definite: all diagonal blocks are. Collective.
+        """
+        system = self.system
+        if not self._is_factored:
+            tries = system.factor_incompletely(self._drop)
+            if tries == 0:
+                raise MemoryError("no memory left for the incomplete factor")
+            self._is_definite, self._is_factored = system.space.reduce(tries > 0, MPI.LAND), True
+        coarse = self._coarse_space() if with_coarse else None
+        system.compiled.nodes = coarse.size if coarse is not None else 0
+        if coarse is not None and coarse.size:
+            if not self.is_current:
+                self._is_definite = coarse.update(system.rows) and self._is_definite
+                self.is_current, self._fresh_iterations = self._is_definite, None
+            coarse.give(system.compiled)
+        return self._is_definite
+
+    def _coarse_space(self) -> CoarseSpace:
+        self._spaces = self._spaces or self._make_spaces()
+        return self._spaces[min(self.space, len(self._spaces) - 1)]
+
+    def lost(self, iterations: int) -> int:
+        """After a successful solve with a coarse space: how many iterations it has cost so far to keep its operator."""
+        if self._fresh_iterations is None:
+            self._fresh_iterations, self._excess = iterations, 0
+        self._excess += iterations - self._fresh_iterations
+        return self._excess
 
 
 class LinearSolver:
@@ -43,9 +115,7 @@ class LinearSolver:
 
     Parameters
     ----------
-    ksp : PETSc.KSP
-        Becomes one that solves by this object.
-    settings : Solver
+    ksp : becomes one that solves by this object
     coarse, dense : as `ConjugateGradients` takes them
     timed : makes the context in which solves run, for a stopwatch
 
@@ -70,7 +140,8 @@ class LinearSolver:
         self._failures = 0  # of conjugate gradients in a row, in this step
         self._first_method = "iterative" if settings.linear == "auto" else settings.linear
         ksp.setType(PETSc.KSP.Type.PYTHON)
-        ksp.setPythonContext(_Context(proxy(self), timed))  # PETSc keeps the context: see `callbacks.weakly`
+        self._timed = timed
+        ksp.setPythonContext(SimpleNamespace(solve=weakly(self._solve_ksp)))
         ksp.pc.setType(PETSc.PC.Type.NONE)
         prefix = f"pdvol_{next(_serial)}_"
         for solver in (ksp, self.petsc.ksp):
@@ -147,6 +218,13 @@ class LinearSolver:
         if self.ksp.getConvergedReason() < 0:
             raise SimulationError(f"the linear solve failed (PETSc's reason {self.ksp.getConvergedReason()})")
         self.note_iterations(self.ksp.getIterationNumber())
+
+    def _solve_ksp(self, ksp: PETSc.KSP, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """What PETSc calls to solve by `ksp`. Collective."""
+        with self._timed():
+            reason, iterations = self.solve_once(right, solution, ksp.getInitialGuessNonzero())
+        ksp.setIterationNumber(iterations)
+        ksp.setConvergedReason(reason)
 
     def solve_once(self, right: PETSc.Vec, solution: PETSc.Vec, near: bool = False) -> tuple[int, int]:
         """One try by the present method: PETSc's reason, and the number of iterations. The compiled one begins at
@@ -229,16 +307,3 @@ class LinearSolver:
     def found_indefinite(self) -> bool:
         """Whether the last solve was direct and met negative pivots. Collective."""
         return self.method == "direct" and self.detects_indefinite and self.petsc.negative_pivots > 0
-
-
-class _Context:
-    """What PETSc calls for a KSP of type python."""
-
-    def __init__(self, solver: LinearSolver, timed: Callable[[], AbstractContextManager[None]]):
-        self._solver, self._timed = solver, timed
-
-    def solve(self, ksp: PETSc.KSP, right: PETSc.Vec, solution: PETSc.Vec) -> None:
-        with self._timed():
-            reason, iterations = self._solver.solve_once(right, solution, ksp.getInitialGuessNonzero())
-        ksp.setIterationNumber(iterations)
-        ksp.setConvergedReason(reason)

@@ -2,7 +2,7 @@
 with the contacts; and what ranks exchange in products with it, since each holds the rows of its own vertices.
 """
 
-from weakref import proxy
+from types import SimpleNamespace
 
 import numpy as np
 from mpi4py import MPI
@@ -12,18 +12,8 @@ from pdvol.compiled import ffi, integers, pointer
 from pdvol.levels.space import LevelSpace
 from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, pointers
-from pdvol.solve.linear.halo import Halo
-from pdvol.solve.linear.overlap import Overlap
-
-
-class _Context:
-    """What PETSc calls for `SystemMatrix.shell`, and keeps, unlike the matrix itself (`callbacks.weakly`)."""
-
-    def __init__(self, matrix: "SystemMatrix"):
-        self._matrix = matrix
-
-    def mult(self, shell: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        self._matrix.multiply(x, y)
+from pdvol.solve.callbacks import weakly
+from pdvol.solve.linear.halo import Halo, Overlap
 
 
 class SystemMatrix:
@@ -31,11 +21,9 @@ class SystemMatrix:
 
     Parameters
     ----------
-    space : LevelSpace
     supported : (n_owned,) bool
         Vertices whose rows and columns are the identity's.
-    general : bool
-        Whether `petsc` is a general AIJ matrix, which every preconditioner supports.
+    general : whether `petsc` is a general AIJ matrix, which every preconditioner supports
 
     Attributes
     ----------
@@ -65,7 +53,8 @@ class SystemMatrix:
         self._petsc: PETSc.Mat = None
         self._blocked: PETSc.Mat = None
         self._pattern: tuple[np.ndarray, np.ndarray] | None = None
-        self.shell = PETSc.Mat().createPython(self._sizes, _Context(proxy(self)), comm=space.comm)
+        context = SimpleNamespace(mult=weakly(self._multiply))
+        self.shell = PETSc.Mat().createPython(self._sizes, context, comm=space.comm)
         self.shell.setUp()
 
     def support(self, supported: np.ndarray) -> None:
@@ -129,7 +118,7 @@ class SystemMatrix:
             raise MemoryError("no memory left for conjugate gradients")
         return found, reason, count[0]
 
-    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+    def _multiply(self, shell: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """y = A x, by `shell`. Collective."""
         library[self.space.dim].symmetric_product(
             self.compiled, pointer(x.getArray(readonly=True)), pointer(y.getArray())

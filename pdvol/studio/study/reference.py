@@ -69,7 +69,7 @@ class ReferenceStates:
             The meshes are not the reference's, or states are missing.
         """
         mine = run.levels[level]
-        if mine.rest.shape[0] != len(self._hierarchy[level].mesh.points):
+        if mine.rest.shape[0] != len(self._hierarchy.meshes[level].points):
             raise InputError(f"{run.path}: level {level} is another mesh than the reference's")
         theirs, bodies = self.level, self.level.mesh.point_bodies
         times = self._times(run, mine)

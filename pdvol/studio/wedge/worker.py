@@ -9,10 +9,10 @@ import threading
 import time
 import traceback
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 from pdvol.processes import Process, ProcessEnded
-from pdvol.registry import Entry
 
 LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build")  # libraries that every run imports
 TAIL = 8000  # bytes at the end of a log that are looked at for its last line
@@ -54,7 +54,7 @@ def carry_out(words: Sequence[str], log: str) -> int:
         os.dup2(file.fileno(), 2)
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        code = Entry("pdvol.cli:run").load()(words)
+        code = import_module("pdvol.cli").run(words)
     except KeyboardInterrupt:  # at the last moment
         code = INTERRUPTED
     except SystemExit as end:
