@@ -126,6 +126,7 @@ def level_model(
     mesh, coarsest = hierarchy.meshes[level], hierarchy.meshes[0]
     materials = level_materials(scene, hierarchy, level)
     start = start_positions(scene, mesh, level)
+    supports = tuple(supported_points(scene, support, mesh, level, start) for support in scene.supports)
     everywhere = np.ones(len(mesh.points), dtype=bool)
     loads = (
         PlacedLoad(load, everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh))
@@ -139,9 +140,9 @@ def level_model(
         materials=materials,
         velocity=initial_velocity(scene, mesh, start),
         loads=tuple(loads),
-        supports=tuple(supported_points(scene, support, mesh, level, start) for support in scene.supports),
+        supports=supports,
         obstacles=tuple(obstacles),
-        ground=ground_of(scene.supports, obstacles, scene.dt * scene.steps),
+        ground=ground_of((*supports, *obstacles), scene.dt * scene.steps),
         contact=tuple(scene.contact),
         diagonal=diagonal,
         springs=bound_springs(scene, coarsest, start_positions(scene, coarsest, 0), mesh, start),

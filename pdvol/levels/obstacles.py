@@ -6,21 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.rigid_motions import Pose
-from pdvol.levels.script import ON_TIME, Obstacle
-from pdvol.scene import (
-    Deforming,
-    Led,
-    Motion,
-    Obstructing,
-    Plane,
-    PointCache,
-    Rigid,
-    Support,
-    keeps_shape,
-    moved,
-    stands,
-)
+from pdvol.levels.script import ON_TIME, HeldPoints, Mover, Obstacle
+from pdvol.scene import Deforming, Led, Motion, Obstructing, Plane, PointCache, Rigid, Still, stands
 
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a surface or polyline at rest."""
@@ -89,37 +76,35 @@ def _with_mesh(given: Rigid | Deforming, geometry: Geometry) -> Obstacle:
     return Obstacle(given.name, kind, vertices, edges, faces, motion, given.closed, given.opacity)
 
 
-def ground_of(supports: Sequence[Support], obstacles: Sequence[Obstacle], duration: float) -> tuple[Obstacle, ...]:
+def ground_of(movers: Sequence[Mover], duration: float) -> tuple[Obstacle, ...]:
     """The plane in whose frame motions wait that contact holds back, as the floor of a lift; none in most scenes, where
     they wait in the scene's frame.
 
     It is a plane that the most supports and obstacles go along with over the `duration` [s], where nothing stands still
     and no others are as many. So a scene that is seen from a frame that moves evenly gives the same motion.
     """
-    things: tuple[Support | Obstacle, ...] = (*supports, *obstacles)
-    if any(stands(thing.motion) for thing in things):
+    own = [replace(m, motion=m.motion.own) if isinstance(m.motion, Led) else m for m in movers]
+    planes = [mover for mover in movers if isinstance(mover, Obstacle) and mover.kind == "plane"]
+    if not planes or any(stands(m.motion) or _goes_along(m, Still(), duration) for m in own):
         return ()
     groups: list[tuple[int, Obstacle]] = []
-    for plane in (obstacle for obstacle in obstacles if obstacle.kind == "plane"):
-        if not any(_go_along(first, plane, duration) for _, first in groups):
-            groups.append((sum(_go_along(plane, thing, duration) for thing in things), plane))
-    most = max((size for size, _ in groups), default=0)
+    for plane in planes:
+        motion = lambda X, t, pose=plane.pose: (pose(t) @ pose(0.0).inverse)(X)
+        if not any(_goes_along(first, motion, duration) for _, first in groups):
+            groups.append((sum(_goes_along(m, motion, duration) for m in own), plane))
+    most = max(size for size, _ in groups)
     largest = tuple(plane for size, plane in groups if size == most)
     return largest if len(largest) == 1 else ()
 
 
-def _go_along(plane: Obstacle, other: Support | Obstacle, duration: float) -> bool:
-    """Whether two move alike. Of users' own motions only planes' are known to be rigid."""
-    is_plane = isinstance(other, Obstacle) and other.kind == "plane"
-    if isinstance(other.motion, PointCache) or not (is_plane or keeps_shape(other.motion)):
-        return False
-    frame = other.vertices if isinstance(other, Obstacle) and is_plane else plane.vertices
-    for time in (fraction * duration for fraction in COMPARED):
-        one = plane.pose(time)
-        two = Pose.of_frame(frame, moved(other.motion, frame, time, "a support or obstacle"))
-        size = max(1.0, float(np.abs(one.shift).max()))
-        turned, shifted = np.abs(one.rotation - two.rotation).max(), np.abs(one.shift - two.shift).max()
-        if turned > ON_TIME or shifted > ON_TIME * size:
+def _goes_along(mover: Mover, motion: Motion, duration: float) -> bool:
+    """Whether a motion takes all points of a mover from where they are at t = 0 to where they are later; those of a
+    support while it holds.
+    """
+    begun, until = mover.at(0.0), min(duration, mover.release) if isinstance(mover, HeldPoints) else duration
+    for time in (fraction * until for fraction in COMPARED):
+        there = motion(begun, time)
+        if np.abs(mover.at(time) - there).max() > ON_TIME * max(1.0, float(np.abs(there).max())):
             return False
     return True
 

@@ -115,7 +115,6 @@ def _check_states(run: Run, shot: Shot, step: int, last: int, source: Path) -> N
     obstacles = placed_obstacles(scene.obstacles)
     _check_obstacles(run, obstacles, scene.dt, step)
     meshes, _ = build_apart(scene, last + 1, obstacles)
-    ground = ground_of(scene.supports, obstacles, scene.dt * scene.steps)
     for level, mesh in zip(run.levels[: last + 1], meshes, strict=True):
         for name in ("points", "cells", "bodies", "regions"):
             if not np.array_equal(getattr(level.mesh, name), getattr(mesh, name)):
@@ -123,9 +122,11 @@ def _check_states(run: Run, shot: Shot, step: int, last: int, source: Path) -> N
                     f"a run cannot go on from step {step} with another mesh or placement ({name} of level"
                     f" {level.index} differ from those in {source})"
                 )
-        _check_supports(run, level, shot, step, obstacles, ground)
+        start = start_positions(scene, mesh, level.index)
+        held = [supported_points(scene, support, mesh, level.index, start) for support in scene.supports]
+        script = Script(held, obstacles, ground_of((*held, *obstacles), scene.dt * scene.steps))
+        _check_supports(run, level, shot, step, script)
         if scene.contact:
-            script = Script((), obstacles, ground)
             places = script.placed(step * scene.dt, script.recorded_lags(*level.lateness(step)))
             names = [body.name for body in scene.bodies]
             count = count_intersections(mesh, level.positions(step), obstacles, names, places)
@@ -149,22 +150,17 @@ def _check_obstacles(run: Run, obstacles: Sequence[Obstacle], dt: float, step: i
                 raise InputError(_moved_otherwise(f"obstacle {before.name!r}", number, step))
 
 
-def _check_supports(
-    run: Run, level: RunLevel, shot: Shot, step: int, obstacles: Sequence[Obstacle], ground: Sequence[Obstacle]
-) -> None:
+def _check_supports(run: Run, level: RunLevel, shot: Shot, step: int, script: Script) -> None:
     """InputError unless what supports hold was where their motions have it up to the step, or is described alike."""
     scene = shot.scene
     before, now = ([s.get("motion") for s in d["supports"]] for d in (run.info["description"], shot.description()))
     if before == now:
         return
-    start = start_positions(scene, level.mesh, level.index)
-    held = [supported_points(scene, support, level.mesh, level.index, start) for support in scene.supports]
-    script = Script(held, obstacles, ground)
     for number in range(1, step + 1):
         time = number * scene.dt
         placed = script.at(time, script.recorded_lags(*level.lateness(number)))
         positions = level.positions(number)
-        for i, points in enumerate(held):
+        for i, points in enumerate(script.supports):
             if before[i] != now[i] and points.holds(time - scene.dt, scene.dt):
                 place = placed.place(points, time) if points.moves else points.points
                 if not _same_place(positions[points.mask], place):

@@ -300,8 +300,11 @@ class Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open the folder of a stored run for reading, also while it is being written. Arrays are read when they are
-    needed.
+    """Open a stored run for reading, also while it is being written. Arrays are read when they are needed.
+
+    Parameters
+    ----------
+    path : folder of the run
 
     Raises
     ------

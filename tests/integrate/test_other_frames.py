@@ -1,11 +1,13 @@
 """What contact holds back, seen from other frames: the whole world turned, or from something that moves evenly."""
 
+import math
+
 import numpy as np
 import pytest
 
 import pdvol
 from pdvol.levels.obstacles import ground_of, plane_obstacle
-from pdvol.levels.script import Script
+from pdvol.levels.script import HeldPoints, Script
 from pdvol.scene import rotation_matrix
 from problems import SOFT, block, make_scene, make_stepper, march, polyline
 from shapes import level
@@ -67,11 +69,7 @@ def test_what_contact_holds_back_waits_on_the_floor_of_a_lift(d, pusher):
 # ---- which plane motions wait on
 
 
-UP, LIFT, STILL = (
-    pdvol.Translation((0.0, 0.5)),
-    pdvol.Translation((0.0, 0.5)),
-    pdvol.Plane((0.0, 0.0), (0.0, 1.0)).motion,
-)
+UP, STILL = pdvol.Translation((0.0, 0.5)), pdvol.Plane((0.0, 0.0), (0.0, 1.0)).motion
 LIFTED_WALK = pdvol.Sequential((pdvol.Translation((1.0, 0.0)), UP))
 
 
@@ -80,7 +78,9 @@ LIFTED_WALK = pdvol.Sequential((pdvol.Translation((1.0, 0.0)), UP))
     [
         ([UP], [LIFTED_WALK], 0),  # a lift, and a hand in it
         ([lambda X, t: X + t * np.array([0.0, 0.5])], [LIFTED_WALK], 0),  # the user's own motion
-        ([LIFTED_WALK, UP], [LIFT], 1),  # a wall that moves in the lift, and a support that does not
+        ([LIFTED_WALK, UP], [UP], 1),  # a wall that moves in the lift, and a support that does not
+        ([LIFTED_WALK, UP], [lambda X, t: X + t * np.array([0.0, 0.5])], 1),  # likewise by a function
+        ([UP], [LIFTED_WALK, lambda X, t: X], None),  # something stands still by a function
         ([UP], [LIFTED_WALK, STILL], None),  # something stands still
         ([UP, pdvol.Translation((0.0, -0.5))], [], None),  # two plates that close
         ([STILL], [UP], None),
@@ -90,8 +90,8 @@ LIFTED_WALK = pdvol.Sequential((pdvol.Translation((1.0, 0.0)), UP))
 )
 def test_the_ground_is_the_plane_that_most_go_along_with_where_nothing_stands_still(planes, supports, ground):
     obstacles = [plane_obstacle(pdvol.Plane((0.0, i), (0.0, 1.0), motion)) for i, motion in enumerate(planes)]
-    held = [pdvol.Support(lambda X: X[:, 0] > 0.0, motion=motion) for motion in supports]
-    found = ground_of(held, obstacles, 2.0)
+    held = [HeldPoints(np.ones(2, bool), np.diag([1.0, 0.5]), motion, math.inf) for motion in supports]
+    found = ground_of([*held, *obstacles], 2.0)
     assert found == (() if ground is None else (obstacles[ground],))
 
 
