@@ -300,7 +300,7 @@ class Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open the folder of a stored run for reading, also while it is being written. Arrays are read when they are
+    """Open a stored run, the folder `path`, for reading, also while it is being written. Arrays are read when they are
     needed.
 
     Raises
