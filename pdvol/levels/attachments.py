@@ -201,7 +201,11 @@ class Pulls:
     def change(self, step: int) -> bool:
         """Whether others act in the step after this one than in it."""
         start, end, after = ((step + k) * self._scene.dt for k in (-1, 0, 1))
-        return self.acting(start, end).keys() != self.acting(end, after).keys()
+        if any(pull.acts(start, end) != pull.acts(end, after) for pull in self._scene.pulls):
+            return True
+        lines = [] if self.hand is None else [self.hand.line(step), self.hand.line(step + 1)]
+        held = [{pull["number"] for pull in line["pulls"]} for line in lines]
+        return held[:1] != held[1:]
 
     def bound(self, pull: Pull) -> BoundPull:
         """A pull on the level. Raises InputError where its body is unknown, or its place lies far outside."""

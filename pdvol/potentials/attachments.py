@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from pdvol.levels.attachments import BoundSprings, Pulls
+from pdvol.levels.attachments import BoundPull, BoundSprings, Pulls
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
@@ -27,7 +27,7 @@ class SpringTerm(Term):
     """Springs of a level, whose vectors are sums of weights times positions; derived classes have their law."""
 
     def __init__(self, space: LevelSpace, points: np.ndarray, weights: np.ndarray):
-        self.space = space
+        self.space, self._version = space, 0
         self._connect(points, weights)
 
     def _connect(self, points: np.ndarray, weights: np.ndarray) -> None:
@@ -35,7 +35,8 @@ class SpringTerm(Term):
         count, corners = points.shape
         self._points, self._weights = points, weights
         rows = np.repeat(np.arange(count), corners)
-        self._ends = csr_array((weights.ravel(), (rows, points.ravel())), shape=(count, len(self.space.mesh.points)))
+        ends = csr_array((weights.ravel(), (rows, points.ravel())), shape=(count, len(self.space.mesh.points)))
+        self._onto = ends.T  # of forces of springs, those on points
         blocks = self.space.point_blocks[points]
         pairs = np.broadcast_to(blocks[:, :, None], (count, corners, corners))
         self._rows, self._columns = pairs.ravel(), pairs.transpose(0, 2, 1).ravel()
@@ -52,9 +53,13 @@ class SpringTerm(Term):
 
     def _lengths(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
         """Lengths (k,) [m] and directions (k, d); a spring of no length has no direction, and pulls with no force."""
-        along = self._vectors(x)
-        lengths = np.linalg.norm(along, axis=1)
-        return lengths, along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+
+        def find() -> tuple[np.ndarray, np.ndarray]:
+            along = self._vectors(x)
+            lengths = np.linalg.norm(along, axis=1)
+            return lengths, along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+
+        return x.get((self, "lengths"), find, self._version)
 
     def _law(self, lengths: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """E [J]; of each spring f [N], f' [N/m] and c, (k,)."""
@@ -65,7 +70,7 @@ class SpringTerm(Term):
 
     def gradient(self, x: Positions) -> np.ndarray:
         lengths, n = self._lengths(x)
-        return self.space.from_input(self._ends.T @ (self._law(lengths)[1][:, None] * n))
+        return self.space.from_input(self._onto @ (self._law(lengths)[1][:, None] * n))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not len(self._points):
@@ -133,18 +138,26 @@ class Pulling(SpringTerm):
 
     def __init__(self, space: LevelSpace, pulls: Pulls):
         super().__init__(space, np.zeros((0, 1), dtype=int), np.zeros((0, 1)))
-        self._pulls = pulls
+        self._pulls, self._bound = pulls, list[BoundPull]()
+        self._hold()
+
+    def _hold(self) -> None:
+        """Takes the springs that are bound."""
+        size = max((len(weights) for _, weights, _ in self._bound), default=1)
+        points, weights = np.zeros((len(self._bound), size), dtype=int), np.zeros((len(self._bound), size))
+        for i, (its, shares, _) in enumerate(self._bound):
+            points[i], weights[i, : len(shares)] = np.resize(its, size), shares
+        self._connect(points, weights)
+        self._k, self._s, self._damping = np.array([law for _, _, law in self._bound]).reshape(-1, 3).T
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         acting = list(self._pulls.acting(t0, t1).values())
         bound = [self._pulls.bound(pull) for pull in acting]
-        size = max((len(weights) for _, weights, _ in bound), default=1)
-        points, weights = np.zeros((len(bound), size), dtype=int), np.zeros((len(bound), size))
-        for i, (its, shares, _) in enumerate(bound):
-            points[i], weights[i, : len(shares)] = np.resize(its, size), shares
-        self._connect(points, weights)
-        self._k, self._s, damping = np.array([law for _, _, law in bound]).reshape(-1, 3).T
-        self._share = damping / (t1 - t0)
+        self._version += 1
+        if [id(each) for each in bound] != [id(each) for each in self._bound]:
+            self._bound = bound
+            self._hold()
+        self._share = self._damping / (t1 - t0)
         begin, self._point = (np.array([p.at(t) for p in acting]).reshape(-1, self.space.dim) for t in (t0, t1))
         self._start = self._from(x_t, begin) if acting else begin
 
