@@ -29,7 +29,8 @@ from pdvol.studio.shown import upward
 from pdvol.studio.wedge.variation import short_text, value_text
 
 PERIOD = 0.02  # seconds between looks at the stored states
-PLAYED_PERIOD = 0.004  # seconds between them while a hand waits for what it does
+PLAYED_PERIOD = 0.005  # seconds between them while a hand waits for what it does
+STILL_PERIOD = 0.1  # seconds between looks at all else, while a hand waits for a step
 FACTOR_STEPS = 100  # last steps of level 0 whose real-time factor is shown
 FACTOR_EVERY = 0.5  # seconds between looks at it
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field
@@ -61,6 +62,7 @@ class Page:
     ):
         self._session, self._title, self._levels, self._movable = session, title, levels, movable
         self._factor, self._factor_at = 0.0, 0.0
+        self._looked_at, self._looked = 0, 0.0  # step and time of the last look
         self._delays: list[float] = []  # [ms] from an event of the hand to the first picture whose step has used it
         self._owner: ServerConnection | None = None  # the browser that has the hand
         self._controls = {control.name: control for control in controls}
@@ -126,6 +128,11 @@ class Page:
     def update(self) -> None:
         """Follow the session once."""
         self._session.tick()
+        playing, now = self._session.playing, time.monotonic()
+        steps = 0 if playing is None else playing.steps
+        if steps and steps == self._looked_at and now < self._looked + STILL_PERIOD:
+            return
+        self._looked_at, self._looked = steps, now
         status = self._look()
         if status != self._status:
             with self._news:
@@ -148,7 +155,7 @@ class Page:
             self._let_go(browser)
 
     def _report(self, browser: ServerConnection) -> None:
-        """Send a browser the status whenever that has changed."""
+        """Send a browser the status whenever that has changed, and the newest state of a take that is played."""
         sent = None
         with suppress(ConnectionClosed):
             while not self._end.is_set():
@@ -157,6 +164,10 @@ class Page:
                 if status and status != sent:
                     browser.send(json.dumps({"status": status}))
                     sent = status
+                    if status.get("factor") is not None:
+                        with suppress(PdvolError):
+                            for state in self._states(status["run"], 0, [status["states"][0] - 1]):
+                                browser.send(state)
                 with self._news:
                     if self._status is seen:
                         self._news.wait(PERIOD)
@@ -201,7 +212,7 @@ class Page:
         self._owner = browser
         self._session.branch(int(step), by_hand=True)
 
-    def _hand(self, pulls: list, obstacles: dict, sample: int, browser: Any) -> None:
+    def _hand(self, pulls: list, obstacles: dict, sample: int, browser: Any) -> list:
         """What a browser's hand does now; the hand goes to the first one that asks where none has it."""
         playing = self._session.playing
         if playing is None or playing.hand is None:
@@ -212,6 +223,7 @@ class Page:
             raise InputError(f"{strange[0]} is not marked as movable in the scene")
         self._owner = browser
         playing.hand.hold(pulls, obstacles, sample)
+        return []
 
     def _let_go(self, browser: ServerConnection) -> None:
         if self._owner is browser:
@@ -226,9 +238,8 @@ class Page:
         return None if stored is None or stored.hand is None else stored.hand.line(step)
 
     def _sample_of(self, step: int) -> int:
-        playing = self._session.playing
-        line = self._line(playing, step)
-        return 0 if line is None or playing is None or playing.hand is None else playing.hand.sample_of(line)
+        line = self._line(self._session.playing, step)
+        return 0 if line is None else line.get("sample", 0)
 
     def _takes_beside_each_other(self) -> list[Pane]:
         panes = []

@@ -89,6 +89,7 @@ class Live {
       Object.assign(this, { run: status.run, levels: new Map(), follows: true, plays: false, position: status.begin });
       this.asked.clear();
     }
+    if (status.offsets) this.asked.add(`0 ${this.newest}`);  // it comes at once
     if (status.run && this.follows) this.newestHeld();  // it is asked for before the next frame
     this.redraw(false);
   }
