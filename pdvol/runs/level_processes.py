@@ -27,7 +27,7 @@ from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.partition import carried
 from pdvol.parallel import on_root
-from pdvol.processes import PATIENCE, die_with_parent, give_memory_back, without_launcher
+from pdvol.processes import PATIENCE, die_with_parent, give_memory_back, give_way, without_launcher
 from pdvol.runs.launcher import rank_command
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.progress import Calls, Progress
@@ -280,6 +280,8 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
         hierarchy = Hierarchy(meshes, comm, info["prolongation"], places)
         model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
         give_memory_back()
+        if level and shot.scene.played is not None:  # the hand waits for level 0 and its picture
+            give_way()
         run_level(model, hierarchy, info["method"], writer, writer.watch)
 
 
