@@ -19,7 +19,6 @@ from pdvol.errors import InputError
 
 PATIENCE = 10.0  # seconds that a process has to end by itself
 MOST_MEMORY = 2_000_000  # kilobytes of peak memory after which a process ends: another one then starts small
-LEAST = 19  # the weakest claim to processor time that Linux knows
 IDLE_LOOK = 0.2  # seconds in which idle cores are counted: 20 ticks of Linux's clock
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
 # Variables by which MPI launchers mark their ranks: a child must not inherit them.
@@ -88,12 +87,7 @@ class Process:
         return self._paused and self.alive
 
     def begin(
-        self,
-        function: Callable,
-        *given: Any,
-        cpu_seconds: float = math.inf,
-        memory: int | None = None,
-        loads: str = "",
+        self, function: Callable, *given: Any, cpu_seconds: float = math.inf, memory: int | None = None, loads: str = ""
     ) -> None:
         """Have it call `function(*given)`.
 
@@ -221,13 +215,6 @@ def die_with_parent() -> None:
     """In the child: makes Linux end it when its parent is killed."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def give_way() -> None:
-    """Lets this process have the processor time that others leave; Linux weighs sessions, where it groups processes."""
-    os.nice(LEAST)
-    with contextlib.suppress(OSError):
-        Path("/proc/self/autogroup").write_text(str(LEAST))
 
 
 def limit_processor_time(seconds: float) -> None:

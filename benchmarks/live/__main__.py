@@ -25,8 +25,6 @@ from pdvol.store.reader import open_run
 SCENES = {"ball_on_spike": "`ball_on_spike`", "bunny": "README's bunny", "drop_500": "`drop_500`"}
 WINDOW, PAUSE = (1100, 720), 0.012  # pixels of the page, and seconds between two movements of the mouse
 PLAYS = "live.run > 1 && live.status.states[0] > 3 && [...live.levels.values()].includes(live.shown) && live.follows"
-HEARD = """(() => { window.heard = []; const ask = live.ask.bind(live);
-  live.ask = (what, more) => { if (what === "delays") heard.push(...more.values); ask(what, more); }; })()"""
 MIDDLE = """(() => {
   const { rows } = live.shown.touchable()[0], n = rows.length / 4, box = stage.getBoundingClientRect();
   const mean = [0, 1, 2].map((k) => rows.reduce((sum, value, i) => (i % 4 === k ? sum + value / n : sum), 0));
@@ -92,7 +90,6 @@ def dragged(tab, seconds: float) -> tuple[int, list[float]]:
     page.evaluate("live.choose(0)")
     page.get_by_role("button", name="Play by hand").click()
     tab.until(PLAYS)
-    page.evaluate(HEARD)
     x, y = page.evaluate(MIDDLE)
     page.mouse.move(x, y)
     page.mouse.down()
@@ -106,7 +103,7 @@ def dragged(tab, seconds: float) -> tuple[int, list[float]]:
     tab.until("!live.status.playing")
     page.evaluate("live.ask('keep', { name: 'take' })")
     tab.until("document.body.innerText.includes('kept in')")
-    return first, page.evaluate("[...heard, ...live.hand.delays]")
+    return first, page.evaluate("live.hand.delays")
 
 
 def cells(name: str, record: dict) -> list[list[str]]:

@@ -201,11 +201,8 @@ class Pulls:
     def change(self, step: int) -> bool:
         """Whether others act in the step after this one than in it."""
         start, end, after = ((step + k) * self._scene.dt for k in (-1, 0, 1))
-        if any(pull.acts(start, end) != pull.acts(end, after) for pull in self._scene.pulls):
-            return True
-        lines = [] if self.hand is None else [self.hand.line(step), self.hand.line(step + 1)]
-        held = [{pull["number"] for pull in line["pulls"]} for line in lines]
-        return held[:1] != held[1:]
+        held = [self.hand and {each["number"] for each in self.hand.line(n)["pulls"]} for n in (step, step + 1)]
+        return held[0] != held[1] or any(p.acts(start, end) != p.acts(end, after) for p in self._scene.pulls)
 
     def bound(self, pull: Pull) -> BoundPull:
         """A pull on the level. Raises InputError where its body is unknown, or its place lies far outside."""

@@ -26,8 +26,10 @@ from pdvol.potentials.potential import Positions, Term
 class SpringTerm(Term):
     """Springs of a level, whose vectors are sums of weights times positions; derived classes have their law."""
 
+    _version = 0  # of all that vectors depend on, but positions
+
     def __init__(self, space: LevelSpace, points: np.ndarray, weights: np.ndarray):
-        self.space, self._version = space, 0
+        self.space = space
         self._connect(points, weights)
 
     def _connect(self, points: np.ndarray, weights: np.ndarray) -> None:
@@ -53,13 +55,9 @@ class SpringTerm(Term):
 
     def _lengths(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
         """Lengths (k,) [m] and directions (k, d); a spring of no length has no direction, and pulls with no force."""
-
-        def find() -> tuple[np.ndarray, np.ndarray]:
-            along = self._vectors(x)
-            lengths = np.linalg.norm(along, axis=1)
-            return lengths, along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-
-        return x.get((self, "lengths"), find, self._version)
+        along = x.get((self, "vectors"), lambda: self._vectors(x), self._version)
+        lengths = np.linalg.norm(along, axis=1)
+        return lengths, along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
 
     def _law(self, lengths: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """E [J]; of each spring f [N], f' [N/m] and c, (k,)."""
@@ -137,26 +135,24 @@ class Pulling(SpringTerm):
     name = "pull"
 
     def __init__(self, space: LevelSpace, pulls: Pulls):
-        super().__init__(space, np.zeros((0, 1), dtype=int), np.zeros((0, 1)))
-        self._pulls, self._bound = pulls, list[BoundPull]()
-        self._hold()
+        self.space, self._pulls = space, pulls
+        self._hold([])
 
-    def _hold(self) -> None:
-        """Takes the springs that are bound."""
-        size = max((len(weights) for _, weights, _ in self._bound), default=1)
-        points, weights = np.zeros((len(self._bound), size), dtype=int), np.zeros((len(self._bound), size))
-        for i, (its, shares, _) in enumerate(self._bound):
+    def _hold(self, bound: list[BoundPull]) -> None:
+        size = max((len(weights) for _, weights, _ in bound), default=1)
+        points, weights = np.zeros((len(bound), size), dtype=int), np.zeros((len(bound), size))
+        for i, (its, shares, _) in enumerate(bound):
             points[i], weights[i, : len(shares)] = np.resize(its, size), shares
         self._connect(points, weights)
-        self._k, self._s, self._damping = np.array([law for _, _, law in self._bound]).reshape(-1, 3).T
+        self._k, self._s, self._damping = np.array([law for _, _, law in bound]).reshape(-1, 3).T
+        self._bound = bound
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         acting = list(self._pulls.acting(t0, t1).values())
         bound = [self._pulls.bound(pull) for pull in acting]
         self._version += 1
         if [id(each) for each in bound] != [id(each) for each in self._bound]:
-            self._bound = bound
-            self._hold()
+            self._hold(bound)
         self._share = self._damping / (t1 - t0)
         begin, self._point = (np.array([p.at(t) for p in acting]).reshape(-1, self.space.dim) for t in (t0, t1))
         self._start = self._from(x_t, begin) if acting else begin

@@ -27,7 +27,7 @@ from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.partition import carried
 from pdvol.parallel import on_root
-from pdvol.processes import PATIENCE, die_with_parent, give_memory_back, give_way, without_launcher
+from pdvol.processes import PATIENCE, die_with_parent, give_memory_back, without_launcher
 from pdvol.runs.launcher import rank_command
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.progress import Calls, Progress
@@ -37,6 +37,7 @@ from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import reported_to, stage
 from pdvol.store.reader import Run, open_run
 
+WEAKEST = 19  # claim to processor time, of Linux
 POLL = 0.005  # seconds between checks for a coarser state
 CHECK = 0.5  # seconds between checks whether a process that sends nothing has ended
 START_TIME = 120.0  # seconds that processes may need to load the libraries; 2 to 4 are usual
@@ -281,7 +282,8 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
         model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
         give_memory_back()
         if level and shot.scene.played is not None:  # the hand waits for level 0 and its picture
-            give_way()
+            with suppress(OSError):  # where Linux weighs sessions
+                Path("/proc/self/autogroup").write_text(str(os.nice(WEAKEST)))
         run_level(model, hierarchy, info["method"], writer, writer.watch)
 
 

@@ -12,7 +12,6 @@ from pdvol.errors import InputError
 
 REMARK = "hand: "  # how a run's line about a hand that it cannot follow begins
 MOST_FINGERS = 10  # fingers
-LARGEST = 2**31 - 1  # number of a sample
 
 
 class Channel:
@@ -49,7 +48,7 @@ class Channel:
             held.append({"number": int(one["number"]), "body": str(one["body"]), "place": place, "point": point})
         moved = {str(name): _point(offset) for name, offset in obstacles.items()}
         aside = self.file.with_suffix(".aside")
-        aside.write_text(json.dumps({"pulls": held, "obstacles": moved, "sample": int(sample) & LARGEST}))
+        aside.write_text(json.dumps({"pulls": held, "obstacles": moved, "sample": int(sample) % 2**31}))
         os.replace(aside, self.file)
 
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
-from statistics import median
 from types import MappingProxyType
 from typing import Any
 
@@ -35,7 +34,6 @@ FACTOR_STEPS = 100  # last steps of level 0 whose real-time factor is shown
 FACTOR_EVERY = 0.5  # seconds between looks at it
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field
 MOST_STATES = 64  # that a page may ask for at once
-MOST_DELAYS = 100_000  # that are remembered
 LIVE_SCRIPTS = ("states.js", "shaders.js", "bodies.js", "view.js", "hand.js", "live.js")
 
 
@@ -63,7 +61,6 @@ class Page:
         self._session, self._title, self._levels, self._movable = session, title, levels, movable
         self._factor, self._factor_at = 0.0, 0.0
         self._looked_at, self._looked = 0, 0.0  # step and time of the last look
-        self._delays: list[float] = []  # [ms] from an event of the hand to the first picture whose step has used it
         self._owner: ServerConnection | None = None  # the browser that has the hand
         self._controls = {control.name: control for control in controls}
         self._frames: dict[int, Frames] = {}  # by level, of one run
@@ -84,7 +81,6 @@ class Page:
             "end_take": lambda: session.end_take(),
             "show": lambda number: session.show(number),
             "refine": lambda number: session.refine(number),
-            "delays": lambda values: self._delays.extend(map(float, values[: MOST_DELAYS - len(self._delays)])),
             "go_to": lambda step: session.go_to(int(step)),
             "pause": lambda: session.pause(),
             "resume": lambda: session.resume(),
@@ -114,16 +110,6 @@ class Page:
         self._end.set()
         with self._news:
             self._news.notify_all()
-
-    def summary(self) -> str:
-        """How fast the takes were, in a line; empty where nothing was dragged."""
-        logs = [(take.stored.dt, take.stored.levels[0].log) for take in self._session.takes if take.stored]
-        if not self._delays or not logs:
-            return ""
-        spent = sum(record["seconds"]["total"] for _, log in logs for record in log)
-        speed = real_time(sum(dt * len(log) for dt, log in logs), spent)
-        delay = f"{median(self._delays):.0f} ms from the hand to the picture (median of {len(self._delays)})"
-        return f"by hand: {speed}, {delay}"
 
     def update(self) -> None:
         """Follow the session once."""
@@ -198,7 +184,8 @@ class Page:
         frames = self._of(run, level)
         wanted = [int(step) for step in steps[:MOST_STATES]]
         shown = [] if frames is None else [step for step in wanted if 0 <= step < frames.level.steps]
-        heads = (np.array([run, level, step, self._sample_of(step)], "<i4").tobytes() for step in shown)
+        samples = ((self._line(self._session.playing, step) or {}).get("sample", 0) for step in shown)
+        heads = (np.array([run, level, *each], "<i4").tobytes() for each in zip(shown, samples, strict=True))
         return [head + frames.places(step) for head, step in zip(heads, shown, strict=True) if frames]
 
     def _change(self, name: str, value: Any) -> None:
@@ -236,10 +223,6 @@ class Page:
         """What the hand of a take did in a step."""
         stored = None if run is None or run.hand is None else run.stored
         return None if stored is None or stored.hand is None else stored.hand.line(step)
-
-    def _sample_of(self, step: int) -> int:
-        line = self._line(self._session.playing, step)
-        return 0 if line is None else line.get("sample", 0)
 
     def _takes_beside_each_other(self) -> list[Pane]:
         panes = []

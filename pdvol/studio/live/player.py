@@ -103,8 +103,7 @@ class Player:
                 pull = pull if known is None else {**known, "point": pull.get("point")}
                 self._check(pull)
                 if known is not None:
-                    way = np.subtract(pull["point"], known["point"])
-                    pull["point"] = (known["point"] + self._share * way).tolist()
+                    pull["point"] = (known["point"] + self._share * np.subtract(pull["point"], known["point"])).tolist()
                 else:
                     keys = ("number", "body", "place", "point", "stiffness")
                     pull = {key: pull[key] for key in keys if key in pull} | self._grip(pull, last)

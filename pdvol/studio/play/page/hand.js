@@ -114,7 +114,6 @@ class Hand {
     if (began === undefined) return;
     for (const one of this.sent.keys()) if (one <= sample) this.sent.delete(one);
     requestAnimationFrame(() => this.delays.push(performance.now() - began));
-    if (this.delays.length >= 20) this.live.ask("delays", { values: this.delays.splice(0) });
   }
-  get delay() { const sorted = [...this.delays].sort((a, b) => a - b); return sorted[sorted.length >> 1]; }
+  get delay() { const sorted = this.delays.slice(-20).sort((a, b) => a - b); return sorted[sorted.length >> 1]; }
 }
