@@ -19,10 +19,10 @@ LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 CODE = (".py", ".c", ".h", ".js")
 LINES = {
     # part: (folders or files, lines of code at most)
-    "core": (("pdvol", "forms", "meshes"), 32_660),
+    "core": (("pdvol", "forms", "meshes"), 32_659),
     "studio": (("pdvol/studio",), 12_108),
     "tests": (("tests",), 36_235),
-    "benchmarks": (("benchmarks",), 4_835),
+    "benchmarks": (("benchmarks",), 4_952),
     "demos": (("demos",), 3_826),
 }
 """`core` is all but the studio and its vendored library."""
