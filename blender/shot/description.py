@@ -78,6 +78,22 @@ class Region:
 
 
 @dataclass(frozen=True, eq=False)
+class Pull:
+    """An object that a body is drawn to.
+
+    Attributes
+    ----------
+    where : (3,) [m], on the body's shape
+    first : frames from t = 0 to its beginning
+    points : (k, 3) [m], where the object is at that frame and those after it, up to its end
+    """
+
+    where: np.ndarray
+    first: int
+    points: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
     """A soft body.
 
@@ -104,6 +120,7 @@ class Body:
     pins: tuple[Pin, ...] = ()
     regions: tuple[Region, ...] = ()
     repair: bool = False
+    pull: Pull | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 from cli_scenes import write
@@ -41,6 +42,14 @@ class Live:
             return self.process.communicate(timeout=PATIENCE_OF_TESTS)[1], self.process.returncode
         finally:
             self.process.kill()
+
+
+def until(session, condition):
+    limit = time.monotonic() + PATIENCE_OF_TESTS
+    while not condition():
+        session.tick()
+        assert time.monotonic() < limit, vars(session.current)
+        time.sleep(0.005)
 
 
 def shows(tab, text, gone=False):

@@ -1,18 +1,17 @@
 """Takes: runs that a hand directs, without a page."""
 
 import json
-import time
 
 import numpy as np
 import pytest
 
 from cli_scenes import FALL, pdvol, write
+from live_page import until
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.live.channel import MOST_FINGERS, Channel
 from pdvol.studio.live.session import MOST_RUNS, Session
 
-PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
 PLAYED = 15  # steps of a take
 
 
@@ -29,14 +28,6 @@ def session(folder):
     made = Session(folder / "fall.py", {}, folder / "runs", folder / "kept", finest=1)
     yield made
     made.close()
-
-
-def until(session, condition):
-    limit = time.monotonic() + PATIENCE_OF_TESTS
-    while not condition():
-        session.tick()
-        assert time.monotonic() < limit, vars(session.current)
-        time.sleep(0.005)
 
 
 def play(session, step=0):
