@@ -1,6 +1,6 @@
 """The live page by hand: its real-time factor, and the time from an event of the mouse to the first picture after it.
 
-    ./run env PDVOL_BROWSER=1 python -m benchmarks.live [bunny,drop_500] [--seconds 4]
+    PDVOL_BROWSER=1 ./run python -m benchmarks.live [bunny,drop_500] [--seconds 4]
 
 A mouse drags the first body, and each take is then replayed without a page. The table is kept by NOTES.md beside this.
 """
