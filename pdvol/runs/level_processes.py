@@ -272,6 +272,9 @@ def _work(path: str, level: int, ranks: int, fifo: str, lines: str) -> None:
 
 def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, lines: str) -> None:
     info = run.info
+    if level and info.get("channel"):  # a hand waits for level 0 and its picture
+        with suppress(OSError):  # where Linux weighs sessions
+            Path("/proc/self/autogroup").write_text(str(os.nice(WEAKEST)))
     writer = Follower(run, keeper, comm)
     shown = keeper is not None and lines != "none"
     with reported_to(StageLines(cast(TextIO, _Sent(writer.send, lines == "terminal")))) if shown else nullcontext():
@@ -281,9 +284,6 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
         hierarchy = Hierarchy(meshes, comm, info["prolongation"], places)
         model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
         give_memory_back()
-        if level and shot.scene.played is not None:  # the hand waits for level 0 and its picture
-            with suppress(OSError):  # where Linux weighs sessions
-                Path("/proc/self/autogroup").write_text(str(os.nice(WEAKEST)))
         run_level(model, hierarchy, info["method"], writer, writer.watch)
 
 
