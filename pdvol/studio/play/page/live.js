@@ -5,7 +5,7 @@ const AHEAD = 8;  // steps that are asked for before they are played
 const TEXTS = 150;  // ms between changes of the page's words while a hand plays: each costs as much as a picture
 const CHECKED = 16;  // pictures of a take from one whose time is taken to the next
 const SLOW = 8;  // ms of a picture from which on a take is drawn with fewer pixels, and not at each chance
-const SLOW_WAIT = 30;  // ms between such pictures
+const SLOW_WAIT = 30;  // ms between such pictures; half as much again where simulated time is slower than the clock
 const RESTS = 300;  // ms without a new picture after which one without a graphics card gets smooth edges
 const MOST_BYTES = 4e8;  // of places of a level in the page; beyond it they are asked for anew
 
@@ -198,11 +198,11 @@ class Live {
   }
   frame(now) {
     this.waiting = false;
-    const { playing } = this.status, speaks = !playing || now > this.spoke + TEXTS;
+    const { playing, factor } = this.status, speaks = !playing || now > this.spoke + TEXTS;
     if (speaks) this.spoke = now;
     if (this.news && speaks) this.write();
     if (!this.status.run) return;
-    if (playing && this.view && this.view.quality < 1 && now < this.drew + SLOW_WAIT) return void this.redraw(false);
+    if (playing && this.view && this.view.quality < 1 && now < this.drew + SLOW_WAIT * (factor < 1 ? 1.5 : 1)) return void this.redraw(false);
     this.advance(now);
     const step = this.step(), finer = $("beside").checked ? this.finest() : 0, level = finer ? 0 : this.levelAt(step);
     const last = finer && Math.min(step, this.status.states[finer] - 1);
