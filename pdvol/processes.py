@@ -87,12 +87,7 @@ class Process:
         return self._paused and self.alive
 
     def begin(
-        self,
-        function: Callable,
-        *given: Any,
-        cpu_seconds: float = math.inf,
-        memory: int | None = None,
-        loads: str = "",
+        self, function: Callable, *given: Any, cpu_seconds: float = math.inf, memory: int | None = None, loads: str = ""
     ) -> None:
         """Have it call `function(*given)`.
 

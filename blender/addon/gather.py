@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..shot.description import Body, Group, Mesh, Obstacle, Pin, Region, Shot, ShotError
+from ..shot.description import Body, Group, Mesh, Obstacle, Pin, Pull, Region, Shot, ShotError
 from ..shot.names import plain_names
 from ..work.play import Played
 
@@ -88,9 +88,10 @@ def gather(context: bpy.types.Context) -> tuple[Shot, list[Played]]:
     with _without_caches(bodies):
         shapes, worlds, motions = _recorded(context, [*bodies, *obstacles], frames)
         rendered = _rendered(context, bodies, shapes)
+    pulls = [_pull(context, thing, shape[0]) for thing, shape in zip(bodies, shapes, strict=False)]
     shot = Shot(
         source=Path(bpy.data.filepath).name,
-        bodies=tuple(map(_body, bodies, names, shapes, rendered, motions)),
+        bodies=tuple(map(_body, bodies, names, shapes, rendered, motions, pulls)),
         obstacles=tuple(
             Obstacle(name, thing.name, shape[0], motion)
             for thing, name, shape, motion in zip(
@@ -178,6 +179,26 @@ def _rendered(context: bpy.types.Context, bodies: list, shapes: list) -> list:
     return found
 
 
+def _pull(context: bpy.types.Context, thing: bpy.types.Object, shape: Mesh) -> Pull | None:
+    """What draws a body, in its frames; None where nothing does."""
+    scene, empty, points = context.scene, thing.pdvol.pull, []
+    if empty is None:
+        return None
+    first, last = thing.pdvol.pull_frames if any(thing.pdvol.pull_frames) else (scene.frame_start, scene.frame_end)
+    if not scene.frame_start <= first < last <= scene.frame_end:
+        raise ShotError(
+            f"{thing.name!r} is pulled in frames {first} to {last}: choose two of {scene.frame_start} to"
+            f" {scene.frame_end}"
+        )
+    with _frame_kept(scene):
+        for frame in (scene.frame_start, *range(first, last + 1)):
+            scene.frame_set(frame)
+            world = empty.evaluated_get(context.evaluated_depsgraph_get()).matrix_world
+            points.append(metres(scene) * np.array(world.translation, dtype=float))
+    where = shape.points[np.argmin(np.linalg.norm(shape.points - points[0], axis=1))]
+    return Pull(where, first - scene.frame_start, np.array(points[1:]))
+
+
 @contextmanager
 def _as_rendered(thing: bpy.types.Object) -> Iterator[bool]:
     """The 3D view's settings of modifiers are those of renders; whether that changes anything."""
@@ -241,7 +262,12 @@ def _mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph, unit: float) 
 
 
 def _body(
-    thing: bpy.types.Object, name: str, shape: tuple[Mesh, dict], rendered: Mesh | None, motion: np.ndarray | None
+    thing: bpy.types.Object,
+    name: str,
+    shape: tuple[Mesh, dict],
+    rendered: Mesh | None,
+    motion: np.ndarray | None,
+    pull: Pull | None,
 ) -> Body:
     mesh, weights = shape
     settings = thing.pdvol
@@ -267,6 +293,7 @@ def _body(
         regions=tuple(Region(group(region.group), region.material()) for region in settings.regions),
         repair=settings.repair,
         hole=round(settings.hole, 6),
+        pull=pull,
     )
 
 

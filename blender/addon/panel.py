@@ -35,6 +35,9 @@ class PDVOL_PT_object(_Panel, bpy.types.Panel):
         layout.prop_search(settings, "pins", thing, "vertex_groups")
         if settings.pins:
             layout.prop(settings, "reach")
+        layout.prop(settings, "pull")
+        if settings.pull is not None:
+            layout.prop(settings, "pull_frames")
         layout.prop(settings, "repair")
         if settings.repair:
             layout.prop(settings, "hole")

@@ -8,6 +8,7 @@ from bpy.props import (
     FloatProperty,
     FloatVectorProperty,
     IntProperty,
+    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
@@ -101,6 +102,16 @@ class PDVOL_ObjectSettings(MaterialSettings, bpy.types.PropertyGroup):
         subtype="PERCENTAGE",
     )
     regions: CollectionProperty(type=PDVOL_RegionSettings, override=OVERRIDE | {"USE_INSERTION"})
+    pull: PointerProperty(
+        override=OVERRIDE,
+        name="Pulled by",
+        description="An empty, which draws the part of the body to it that is nearest at the first frame",
+        type=bpy.types.Object,
+        poll=lambda settings, thing: thing.type == "EMPTY",
+    )
+    pull_frames: IntVectorProperty(
+        override=OVERRIDE, name="In frames", description="The first and the last one; all where both are 0", size=2
+    )
     repair: BoolProperty(
         override=OVERRIDE, name=CLOSE_HOLES, description="Simulate a closed copy of an open or crossing mesh"
     )

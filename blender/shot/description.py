@@ -78,6 +78,22 @@ class Region:
 
 
 @dataclass(frozen=True, eq=False)
+class Pull:
+    """An object that a body is drawn to.
+
+    Attributes
+    ----------
+    where : (3,) [m], on the body's shape
+    first : frames from t = 0 to its beginning
+    points : (k, 3) [m], where the object is at that frame and those after it, up to its end
+    """
+
+    where: np.ndarray
+    first: int
+    points: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
     """A soft body.
 
@@ -106,6 +122,7 @@ class Body:
     regions: tuple[Region, ...] = ()
     repair: bool = False
     hole: float = 1.0
+    pull: Pull | None = None
 
 
 @dataclass(frozen=True, eq=False)

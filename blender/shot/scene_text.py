@@ -3,7 +3,7 @@
 import shlex
 from pathlib import Path
 
-from .description import Body, Group, Material, Obstacle, Shot, ShotError
+from .description import Body, Group, Material, Obstacle, Pull, Shot, ShotError
 from .files import Places, write_obj, write_pc2, write_text, write_weights
 from .names import GROUND, plain_names
 
@@ -134,6 +134,7 @@ def scene_text(shot: Shot, places: Places) -> str:
     lines += _listed("supports", [text for body in shot.bodies for text in _supports(body, shot)])
     if shot.gravity is not None:
         lines += _listed("loads", [f"Gravity({tuple(shot.gravity)!r})"])
+    lines += _listed("pulls", [_pull(body, body.pull, shot) for body in shot.bodies if body.pull is not None])
     friction = ", Friction(friction)" if shot.friction > 0.0 else ""
     lines.append(f"        contact=(Barrier(){friction}{',' if not friction else ''}),")
     lines.append(f"        dt=1 / {shot.fps * shot.steps_a_frame:.17g},")
@@ -164,6 +165,7 @@ IMPORTABLE = (
     "NeoHookean",
     "Plane",
     "PointCache",
+    "Pull",
     "Region",
     "RenderMesh",
     "Rigid",
@@ -225,6 +227,13 @@ def _obstacle(obstacle: Obstacle, shot: Shot) -> str:
     if obstacle.motion is None:
         return f'Rigid(MESHES / "{obstacle.name}.obj", name="{obstacle.name}"{closed})'
     return f'Deforming({_cache(obstacle.name, shot)}, name="{obstacle.name}"{closed})'
+
+
+def _pull(body: Body, pull: Pull, shot: Shot) -> str:
+    where, *points = (repr(tuple(map(float, point.round(9)))) for point in (pull.where, *pull.points))
+    frames = f"range({pull.first}, {pull.first + len(points)})"
+    keys = "".join(f"    {point},\n" for point in points)
+    return f'Pull("{body.name}", {where}, [frame / {shot.fps!r} for frame in {frames}], [\n{keys}])'
 
 
 def _supports(body: Body, shot: Shot) -> list[str]:

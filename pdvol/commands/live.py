@@ -54,7 +54,7 @@ def main(options: Namespace) -> None:
     folder = Path(tempfile.mkdtemp(prefix="pdvol-live-"))
     session = page = server = None
     try:
-        signal.signal(signal.SIGTERM, _interrupt)
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         session = Session(
             options.scene.resolve(), settings, folder, options.out, last, options.steps, options.wavefront
         )
@@ -69,9 +69,7 @@ def main(options: Namespace) -> None:
         session.start()
         print(f"{server.address} shows {options.scene}; Ctrl-C ends it", file=sys.stderr, flush=True)
         page.serve()
-        if page.summary():
-            print(page.summary(), file=sys.stderr)
-        print("ended; kept runs are in " + str(options.out) if _kept(options.out) else "ended", file=sys.stderr)
+        print("ended" + f"; kept runs are in {options.out}" * any(options.out.glob("*")), file=sys.stderr)
     except KeyboardInterrupt:
         print("ended", file=sys.stderr)
     finally:
@@ -82,11 +80,3 @@ def main(options: Namespace) -> None:
         if server is not None:
             server.stop()
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _kept(out: Path) -> bool:
-    return out.is_dir() and any(out.iterdir())
-
-
-def _interrupt(*_: Any) -> None:
-    raise KeyboardInterrupt

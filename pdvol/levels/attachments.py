@@ -174,7 +174,8 @@ class Pulls:
     def change(self, step: int) -> bool:
         """Whether others act in the step after this one than in it."""
         start, end, after = ((step + k) * self._scene.dt for k in (-1, 0, 1))
-        return self.acting(start, end).keys() != self.acting(end, after).keys()
+        held = [self.hand and {each["number"] for each in self.hand.line(n)["pulls"]} for n in (step, step + 1)]
+        return held[0] != held[1] or any(p.acts(start, end) != p.acts(end, after) for p in self._scene.pulls)
 
     def bound(self, pull: Pull) -> BoundPull:
         """A pull on the level. Raises InputError where its body is unknown, or its place lies far outside."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from pdvol.levels.attachments import BoundSprings, Pulls
+from pdvol.levels.attachments import BoundPull, BoundSprings, Pulls
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
@@ -25,6 +25,8 @@ from pdvol.potentials.potential import Positions, Term
 
 class SpringTerm(Term):
     """Springs of a level, whose vectors are sums of weights times positions; derived classes have their law."""
+
+    _version = 0  # of all that vectors depend on, but positions
 
     def __init__(self, space: LevelSpace, points: np.ndarray, weights: np.ndarray):
         self.space = space
@@ -35,7 +37,8 @@ class SpringTerm(Term):
         count, corners = points.shape
         self._points, self._weights = points, weights
         rows = np.repeat(np.arange(count), corners)
-        self._ends = csr_array((weights.ravel(), (rows, points.ravel())), shape=(count, len(self.space.mesh.points)))
+        ends = csr_array((weights.ravel(), (rows, points.ravel())), shape=(count, len(self.space.mesh.points)))
+        self._onto = ends.T  # of forces of springs, those on points
         blocks = self.space.point_blocks[points]
         pairs = np.broadcast_to(blocks[:, :, None], (count, corners, corners))
         self._rows, self._columns = pairs.ravel(), pairs.transpose(0, 2, 1).ravel()
@@ -52,7 +55,7 @@ class SpringTerm(Term):
 
     def _lengths(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
         """Lengths (k,) [m] and directions (k, d); a spring of no length has no direction, and pulls with no force."""
-        along = self._vectors(x)
+        along = x.get((self, "vectors"), lambda: self._vectors(x), self._version)
         lengths = np.linalg.norm(along, axis=1)
         return lengths, along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
 
@@ -65,7 +68,7 @@ class SpringTerm(Term):
 
     def gradient(self, x: Positions) -> np.ndarray:
         lengths, n = self._lengths(x)
-        return self.space.from_input(self._ends.T @ (self._law(lengths)[1][:, None] * n))
+        return self.space.from_input(self._onto @ (self._law(lengths)[1][:, None] * n))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not len(self._points):
@@ -121,19 +124,25 @@ class Pulling(SpringTerm):
     name = "pull"
 
     def __init__(self, space: LevelSpace, pulls: Pulls):
-        super().__init__(space, np.zeros((0, 1), dtype=int), np.zeros((0, 1)))
-        self._pulls = pulls
+        self.space, self._pulls = space, pulls
+        self._hold([])
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        acting = list(self._pulls.acting(t0, t1).values())
-        bound = [self._pulls.bound(pull) for pull in acting]
+    def _hold(self, bound: list[BoundPull]) -> None:
         size = max((len(weights) for _, weights, _ in bound), default=1)
         points, weights = np.zeros((len(bound), size), dtype=int), np.zeros((len(bound), size))
         for i, (its, shares, _) in enumerate(bound):
             points[i], weights[i, : len(shares)] = np.resize(its, size), shares
         self._connect(points, weights)
-        self._k, self._s, damping = np.array([law for _, _, law in bound]).reshape(-1, 3).T
-        self._share = damping / (t1 - t0)
+        self._k, self._s, self._damping = np.array([law for _, _, law in bound]).reshape(-1, 3).T
+        self._bound = bound
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        acting = list(self._pulls.acting(t0, t1).values())
+        bound = [self._pulls.bound(pull) for pull in acting]
+        self._version += 1
+        if [id(each) for each in bound] != [id(each) for each in self._bound]:
+            self._hold(bound)
+        self._share = self._damping / (t1 - t0)
         begin, self._point = (np.array([p.at(t) for p in acting]).reshape(-1, self.space.dim) for t in (t0, t1))
         self._start = self._from(x_t, begin) if acting else begin
 

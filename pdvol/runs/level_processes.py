@@ -37,6 +37,7 @@ from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import reported_to, stage
 from pdvol.store.reader import Run, open_run
 
+WEAKEST = 19  # claim to processor time, of Linux
 POLL = 0.005  # seconds between checks for a coarser state
 CHECK = 0.5  # seconds between checks whether a process that sends nothing has ended
 START_TIME = 120.0  # seconds that processes may need to load the libraries; 2 to 4 are usual
@@ -271,6 +272,9 @@ def _work(path: str, level: int, ranks: int, fifo: str, lines: str) -> None:
 
 def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, lines: str) -> None:
     info = run.info
+    if level and info.get("channel"):  # a hand waits for level 0 and its picture
+        with suppress(OSError):  # where Linux weighs sessions
+            Path("/proc/self/autogroup").write_text(str(os.nice(WEAKEST)))
     writer = Follower(run, keeper, comm)
     shown = keeper is not None and lines != "none"
     with reported_to(StageLines(cast(TextIO, _Sent(writer.send, lines == "terminal")))) if shown else nullcontext():

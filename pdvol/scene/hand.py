@@ -6,7 +6,8 @@ A record is a file with a JSON object a line. Line n is step n, complete in itse
 
 A pull holds the material at a place at rest [m], as placed, and draws it to a point [m]; presses have different
 numbers. It may have a stiffness [N/m], and a grip [m]: how far the patch was from the point when it was taken.
-Obstacles and supports have offsets [m] from their scripted motions. A record may grow while it is read.
+Obstacles and supports have offsets [m] from their scripted motions, and lines of a live page the number `sample` of
+what it had sent last. A record may grow while it is read.
 """
 
 import json

@@ -17,6 +17,7 @@ from benchmarks.elements import __main__ as elements
 from benchmarks.extremes import __main__ as extremes
 from benchmarks.fronts import __main__ as fronts
 from benchmarks.hertz import __main__ as hertz
+from benchmarks.live import __main__ as live
 from benchmarks.ranks import __main__ as ranks
 from benchmarks.stark import __main__ as stark
 from benchmarks.stress import __main__ as stress
@@ -119,6 +120,7 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
         (extremes, ("--rows", "nothing"), "nothing"),
         (fronts, ("spike,nothing",), "nothing"),
         (hertz, ("--cells", "two"), "two"),
+        (live, ("nothing",), "there is no 'nothing'"),
         (stress, ("--scenes", "nothing"), "nothing"),
         (time_order, ("--parts", "order,speed"), "there is no 'speed'; choose from order, shots, levels"),
     ],

@@ -1,5 +1,7 @@
 """Studies in a short form. Their mistakes are in test_rows.py."""
 
+import shutil
+
 import pytest
 
 from benchmarks.ablation import __main__ as ablation
@@ -9,8 +11,10 @@ from benchmarks.common.process import REPOSITORY
 from benchmarks.divergence import __main__ as divergence
 from benchmarks.fronts import __main__ as fronts
 from benchmarks.hertz import __main__ as hertz
+from benchmarks.live import __main__ as live
 from benchmarks.preview import page, shots
 from benchmarks.time_order import __main__ as time_order
+from browser import CHROMIUM
 from pdvol.cli import run
 from pdvol.integrate.stepper import Stepper
 from pdvol.potentials.contact.barrier import ContactBarrier
@@ -45,6 +49,15 @@ def test_bindings_have_tables_and_pictures(tmp_path, monkeypatch):
     columns = len(small.meshes[0].points)
     cells = [cell.strip() for cell in page.read_text().splitlines()[-3].split("|")]
     assert cells[3:5] == ["3", str(columns)] and 3.0 < float(cells[6]) < columns and float(cells[9]) < 1e-10
+
+
+@pytest.mark.skipif(not any(map(shutil.which, CHROMIUM)), reason="there is no Chromium in PATH")
+def test_the_live_page_is_played_and_has_a_table(tmp_path):
+    page = tmp_path / "NOTES.md"
+    page.write_text("<!-- benchmarks.live: table -->\n<!-- benchmarks.live: end -->\n")
+    assert live.main(["ball_on_spike", "--seconds", "1", "--out", str(tmp_path), "--docs", str(page)]) == 0
+    cells = [cell.strip() for cell in page.read_text().splitlines()[-2].split("|")]
+    assert cells[1:3] == ["`ball_on_spike`", "60"] and min(map(float, cells[3:10])) > 0.0, "steps, factors, delays"
 
 
 def test_distances_between_levels_have_a_table_and_a_drawing(tmp_path, capsys):

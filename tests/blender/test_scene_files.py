@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pdvol
-from blender.shot.description import Mesh, ShotError
+from blender.shot.description import Mesh, Pull, ShotError
 from blender.shot.files import read_pc2, write_obj, write_pc2, write_weights
 from blender.shot.names import plain_names
 from blender.shot.scene_text import open_shapes, parameters, scene_text, write_shot
@@ -41,6 +41,16 @@ def test_the_scene_is_what_was_described(simulated):
     assert (bar.material.young, ball.material.young, ball.velocity) == (1e4, 1e6, (0.0, 0.0, -1.0))
     assert bar.regions[0].material.young == 1e6
     assert (len(bar.render_meshes), len(ball.render_meshes)) == (1, 2)
+
+
+def test_a_body_is_pulled_in_some_frames(tmp_path):
+    shot = two_bodies()
+    way = shot.bodies[1].shape.points[0] + np.array([[0.0, 0.0, 0.0], [0.0, 0.25, 0.5]])
+    pulled = replace(shot.bodies[1], pull=Pull(way[0], 1, way))
+    write_shot(replace(shot, bodies=(shot.bodies[0], pulled)), places(tmp_path))
+    (pull,) = load_shot(places(tmp_path).scene).scene.pulls
+    assert pull.body == "ball" and pull.acts(1 / 24, 2 / 24) and not pull.acts(0.0, 1 / 24)
+    np.testing.assert_allclose([pull.where, *pull.points], way[[0, 0, 1]], atol=1e-8)
 
 
 def test_pins_follow_the_animation_and_obstacles_theirs(simulated):

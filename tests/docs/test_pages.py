@@ -127,7 +127,7 @@ NOT_RUN = {
     "jupyter lab": "serves until it is stopped; tests/api/test_notebook.py runs the notebook",
     "pytest|ruff|mypy|codespell": "tests and checks of the whole repository",
     "env PYTHONPATH=tests/helpers python tests/golden/golden.py": "stores the golden states anew",
-    "pdvol (run SCENE.py --hand|refine runs/take_1)": "needs a hand; tests/studio/live/test_takes.py has one",
+    "pdvol (run SCENE.py --hand|(refine|play) runs/take_)": "needs a hand; tests/studio/live/test_takes.py has one",
     "pdvol (run demos/bunny_noodles.py|render runs/pile)": "takes 16 minutes",
     "pdvol run shot.py": "needs a scene of Blender; tests/blender/test_scenarios.py has one",
 }

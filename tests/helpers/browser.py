@@ -19,7 +19,6 @@ PATIENCE = 60.0
 """[s] for one action or wait on a page: software rendering on a busy machine."""
 OPTIONS = (
     "--no-sandbox",  # root, in containers
-    "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-dev-shm-usage",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",  # nothing but this machine

@@ -175,12 +175,18 @@ def pins_hold_and_follow_animation(folder: Path) -> None:
 
 def animated_colliders_push(folder: Path) -> None:
     """A keyframed plate, one that is deformed by shape keys and one on a bone meet bodies in mid air; an open sheet
-    lies beside them.
+    lies beside them. An empty pulls another one from frame 3 on.
     """
     scene = begin(folder, end=13)
     scene.use_gravity, scene.pdvol.ground, scene.pdvol.friction = False, False, 0.0
     bodies = [cube(name, at=(x, 0, 1)) for name, x in (("left", -1), ("right", 1), ("soft", 4))]
-    part("BODY", *bodies)
+    drawn = cube("drawn", at=(8, 0, 1))
+    part("BODY", *bodies, drawn)
+    bpy.ops.object.empty_add(location=(8, 0, 1.25))
+    keyed(bpy.context.object, "location", {3: (8.0, 0.0, 1.25), 13: (9.0, 0.0, 1.25)})
+    drawn.pdvol.pull, drawn.pdvol.pull_frames = bpy.context.object, (13, 3)
+    assert press("preview").startswith("'drawn' is pulled in frames 13 to 3: choose two of 1 to 13")
+    drawn.pdvol.pull_frames = (3, 13)
     plates = [cube(name, size=1.0, at=(x, 0, 0.6)) for name, x in (("plate", -1), ("bulge", 1), ("paddle", 4))]
     for plate in plates:
         plate.scale = (0.8, 0.8, 0.1)
@@ -202,6 +208,8 @@ def animated_colliders_push(folder: Path) -> None:
     assert press("preview") == ""
     text = places().scene.read_text()
     assert "Deforming(PointCache" in text and 'name="Plane", closed=False' in text
+    ways = [world(drawn, frame)[:, 0].mean() - 8.0 for frame in (3, 8, 13)]
+    assert abs(ways[0]) < 1e-3 and 0.1 < ways[1] < ways[2] - 0.1 < 0.9, ways
     for thing, start, plate in zip(bodies, starts, plates, strict=True):
         assert world(thing, 13)[:, 2].min() > world(plate, 13)[:, 2].max() - 0.01, thing.name  # never through
         assert world(thing, 13)[:, 2].mean() > start[:, 2].mean() + 0.08

@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import threading
+import time
+from pathlib import Path
 
 from cli_scenes import write
 
@@ -14,13 +16,13 @@ PATIENCE_OF_TESTS = 300.0  # seconds for one thing to appear on a busy machine
 
 
 class Live:
-    """`pdvol live` as a process."""
+    """`pdvol live` as a process, for a scene's text or file."""
 
     def __init__(self, folder, scene, *words):
         self.folder = folder
-        write(folder / "fall.py", scene)
+        file = scene if isinstance(scene, Path) else write(folder / "fall.py", scene)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "pdvol", "live", folder / "fall.py", "--port", "0", "-o", folder / "kept", *words],
+            [sys.executable, "-m", "pdvol", "live", file, "--port", "0", "-o", folder / "kept", *words],
             stderr=subprocess.PIPE,
             text=True,
             env=os.environ | {"TMPDIR": str(folder)},
@@ -40,6 +42,14 @@ class Live:
             return self.process.communicate(timeout=PATIENCE_OF_TESTS)[1], self.process.returncode
         finally:
             self.process.kill()
+
+
+def until(session, condition):
+    limit = time.monotonic() + PATIENCE_OF_TESTS
+    while not condition():
+        session.tick()
+        assert time.monotonic() < limit, vars(session.current)
+        time.sleep(0.005)
 
 
 def shows(tab, text, gone=False):

@@ -196,10 +196,12 @@ def test_what_is_taken_where_it_is_is_not_pulled_before_the_hand_moves(tmp_path)
     out, place, one = tmp_path / "take", [0.15, 0.31], replace(scene(), loads=())
     still, moved = ({"number": 1, "body": "block", "place": place, "point": [x, 0.31]} for x in (0.15, 0.3))
     states = [{}] * 4 + [{"pulls": [still]}] * 4 + [{"pulls": [moved]}]
-    takes.play(one, out, 12, Says(out.with_suffix(".state"), states))
+    takes.play(one, out, 14, Says(out.with_suffix(".state"), states))
     energy = [record["energy"]["pull"] for record in pdvol.open_run(out).levels[0].log]
-    assert [bool(line["pulls"]) for line in lines(out)] == [False] * 6 + [True] * 6
+    assert [bool(line["pulls"]) for line in lines(out)] == [False] * 6 + [True] * 8
     assert max(energy[6:8]) < 1e-12 and max(energy[10:]) > 0.1
+    ways = [0.3 - line["pulls"][0]["point"][0] for line in lines(out)[9:]]  # it comes to the hand without a jump
+    np.testing.assert_allclose(ways, 0.15 * np.exp(-one.dt / player.LAG * np.arange(5)), rtol=1e-9)
     assert 0.01 < np.linalg.norm(lines(out)[7]["pulls"][0]["grip"]) < 0.1
     replayed(one, out)
 

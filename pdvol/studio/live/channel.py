@@ -12,7 +12,6 @@ from pdvol.errors import InputError
 
 REMARK = "hand: "  # how a run's line about a hand that it cannot follow begins
 MOST_FINGERS = 10  # fingers
-REMEMBERED = 2000  # points of pulls, whose steps may still come
 
 
 class Channel:
@@ -25,7 +24,6 @@ class Channel:
 
     def __init__(self, file: Path):
         self.file = file
-        self._samples: dict[tuple[float, ...], int] = {}
         self.hold([], {})
 
     def hold(self, pulls: Sequence[Mapping[str, Any]], obstacles: Mapping[str, Any], sample: int = 0) -> None:
@@ -35,7 +33,7 @@ class Channel:
         ----------
         pulls : `number` of the press, `body`, `place` at rest [m] and `point` [m] where it shall be
         obstacles : by name, the offset [m] from their motion
-        sample : a number that `sample_of` gives again
+        sample : a number, which the record's lines have from then on
 
         Raises
         ------
@@ -44,21 +42,14 @@ class Channel:
         """
         if len(pulls) > MOST_FINGERS:
             raise InputError(f"a hand has {MOST_FINGERS} fingers, not {len(pulls)}")
-        held, sample = [], int(sample)
+        held = []
         for one in pulls:
             place, point = _point(one["place"]), _point(one["point"])
             held.append({"number": int(one["number"]), "body": str(one["body"]), "place": place, "point": point})
-            self._samples.setdefault(tuple(point), sample)
         moved = {str(name): _point(offset) for name, offset in obstacles.items()}
-        while len(self._samples) > REMEMBERED:
-            self._samples.pop(next(iter(self._samples)))
         aside = self.file.with_suffix(".aside")
-        aside.write_text(json.dumps({"pulls": held, "obstacles": moved}))
+        aside.write_text(json.dumps({"pulls": held, "obstacles": moved, "sample": int(sample) % 2**31}))
         os.replace(aside, self.file)
-
-    def sample_of(self, line: Mapping[str, Any]) -> int:
-        """The sample that a step has used, by its line of the record; 0 where it has used none."""
-        return next((self._samples.get(tuple(pull["point"]), 0) for pull in line["pulls"]), 0)
 
 
 def _point(values: Any) -> list[float]:

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
-from statistics import median
 from types import MappingProxyType
 from typing import Any
 
@@ -29,12 +28,12 @@ from pdvol.studio.shown import upward
 from pdvol.studio.wedge.variation import short_text, value_text
 
 PERIOD = 0.02  # seconds between looks at the stored states
-PLAYED_PERIOD = 0.004  # seconds between them while a hand waits for what it does
+PLAYED_PERIOD = 0.005  # seconds between them while a hand waits for what it does
+STILL_PERIOD = 0.1  # seconds between looks at all else, while a hand waits for a step
 FACTOR_STEPS = 100  # last steps of level 0 whose real-time factor is shown
 FACTOR_EVERY = 0.5  # seconds between looks at it
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field
 MOST_STATES = 64  # that a page may ask for at once
-MOST_DELAYS = 100_000  # that are remembered
 LIVE_SCRIPTS = ("states.js", "shaders.js", "bodies.js", "view.js", "hand.js", "live.js")
 
 
@@ -61,7 +60,7 @@ class Page:
     ):
         self._session, self._title, self._levels, self._movable = session, title, levels, movable
         self._factor, self._factor_at = 0.0, 0.0
-        self._delays: list[float] = []  # [ms] from an event of the hand to the first picture whose step has used it
+        self._looked_at, self._looked = 0, 0.0  # step and time of the last look
         self._owner: ServerConnection | None = None  # the browser that has the hand
         self._controls = {control.name: control for control in controls}
         self._frames: dict[int, Frames] = {}  # by level, of one run
@@ -82,7 +81,6 @@ class Page:
             "end_take": lambda: session.end_take(),
             "show": lambda number: session.show(number),
             "refine": lambda number: session.refine(number),
-            "delays": lambda values: self._delays.extend(map(float, values[: MOST_DELAYS - len(self._delays)])),
             "go_to": lambda step: session.go_to(int(step)),
             "pause": lambda: session.pause(),
             "resume": lambda: session.resume(),
@@ -113,19 +111,14 @@ class Page:
         with self._news:
             self._news.notify_all()
 
-    def summary(self) -> str:
-        """How fast the takes were, in a line; empty where nothing was dragged."""
-        logs = [(take.stored.dt, take.stored.levels[0].log) for take in self._session.takes if take.stored]
-        if not self._delays or not logs:
-            return ""
-        spent = sum(record["seconds"]["total"] for _, log in logs for record in log)
-        speed = real_time(sum(dt * len(log) for dt, log in logs), spent)
-        delay = f"{median(self._delays):.0f} ms from the hand to the picture (median of {len(self._delays)})"
-        return f"by hand: {speed}, {delay}"
-
     def update(self) -> None:
         """Follow the session once."""
         self._session.tick()
+        playing, now = self._session.playing, time.monotonic()
+        steps = 0 if playing is None else playing.steps
+        if steps and steps == self._looked_at and now < self._looked + STILL_PERIOD:
+            return
+        self._looked_at, self._looked = steps, now
         status = self._look()
         if status != self._status:
             with self._news:
@@ -148,7 +141,7 @@ class Page:
             self._let_go(browser)
 
     def _report(self, browser: ServerConnection) -> None:
-        """Send a browser the status whenever that has changed."""
+        """Send a browser the status whenever that has changed, and the newest state of a take that is played."""
         sent = None
         with suppress(ConnectionClosed):
             while not self._end.is_set():
@@ -157,6 +150,10 @@ class Page:
                 if status and status != sent:
                     browser.send(json.dumps({"status": status}))
                     sent = status
+                    if status.get("factor") is not None:
+                        with suppress(PdvolError):
+                            for state in self._states(status["run"], 0, [status["states"][0] - 1]):
+                                browser.send(state)
                 with self._news:
                     if self._status is seen:
                         self._news.wait(PERIOD)
@@ -187,7 +184,8 @@ class Page:
         frames = self._of(run, level)
         wanted = [int(step) for step in steps[:MOST_STATES]]
         shown = [] if frames is None else [step for step in wanted if 0 <= step < frames.level.steps]
-        heads = (np.array([run, level, step, self._sample_of(step)], "<i4").tobytes() for step in shown)
+        samples = ((self._line(self._session.playing, step) or {}).get("sample", 0) for step in shown)
+        heads = (np.array([run, level, *each], "<i4").tobytes() for each in zip(shown, samples, strict=True))
         return [head + frames.places(step) for head, step in zip(heads, shown, strict=True) if frames]
 
     def _change(self, name: str, value: Any) -> None:
@@ -201,7 +199,7 @@ class Page:
         self._owner = browser
         self._session.branch(int(step), by_hand=True)
 
-    def _hand(self, pulls: list, obstacles: dict, sample: int, browser: Any) -> None:
+    def _hand(self, pulls: list, obstacles: dict, sample: int, browser: Any) -> list:
         """What a browser's hand does now; the hand goes to the first one that asks where none has it."""
         playing = self._session.playing
         if playing is None or playing.hand is None:
@@ -212,6 +210,7 @@ class Page:
             raise InputError(f"{strange[0]} is not marked as movable in the scene")
         self._owner = browser
         playing.hand.hold(pulls, obstacles, sample)
+        return []
 
     def _let_go(self, browser: ServerConnection) -> None:
         if self._owner is browser:
@@ -224,11 +223,6 @@ class Page:
         """What the hand of a take did in a step."""
         stored = None if run is None or run.hand is None else run.stored
         return None if stored is None or stored.hand is None else stored.hand.line(step)
-
-    def _sample_of(self, step: int) -> int:
-        playing = self._session.playing
-        line = self._line(playing, step)
-        return 0 if line is None or playing is None or playing.hand is None else playing.hand.sample_of(line)
 
     def _takes_beside_each_other(self) -> list[Pane]:
         panes = []

@@ -147,7 +147,7 @@ def test_the_bunny_is_thrown_twice_kept_and_refined(tab, live):
     assert sheet.page.evaluate("player.panes.map((pane) => pane.title)") == ["over_the_wall", "again"]
     assert sheet.complaints == []
     said, code = live.end()
-    assert code == 0 and "ms from the hand to the picture" in said
+    assert code == 0 and "kept runs are in" in said
     for name, length in (("over_the_wall", first), ("again", second)):
         kept = live.folder / "kept" / name
         take = open_run(kept)

@@ -80,10 +80,14 @@ def nearest_facet(stored):
     return now[first], level.rest[facets[first]].mean(axis=0), body
 
 
-def test_a_body_is_pressed_dragged_and_let_go(tab, played):
+def opened(tab, played):
     tab.open(played.server.address)
     tab.until("window.live && live.shown")
-    now, rest, body = nearest_facet(played.stored)
+    return nearest_facet(played.stored)
+
+
+def test_a_body_is_pressed_dragged_and_let_go(tab, played):
+    now, rest, body = opened(tab, played)
     x, y = on_screen(tab, now)
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
@@ -102,9 +106,7 @@ def test_a_body_is_pressed_dragged_and_let_go(tab, played):
 
 
 def test_the_wheel_and_shift_are_for_depth(tab, played):
-    tab.open(played.server.address)
-    tab.until("window.live && live.shown")
-    now, *_ = nearest_facet(played.stored)
+    now, *_ = opened(tab, played)
     if len(now) == 2:
         pytest.skip("a plane has no depth")
     x, y = on_screen(tab, now)
@@ -127,9 +129,7 @@ def test_the_wheel_and_shift_are_for_depth(tab, played):
 
 
 def test_a_finger_holds_as_a_mouse_does(tab, played):
-    tab.open(played.server.address)
-    tab.until("window.live && live.shown")
-    now, _, body = nearest_facet(played.stored)
+    now, _, body = opened(tab, played)
     x, y = on_screen(tab, now)
     fingers = tab.page.context.new_cdp_session(tab.page)
     touch = lambda kind, *points: fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [*points]})
@@ -144,9 +144,7 @@ def test_a_finger_holds_as_a_mouse_does(tab, played):
 
 
 def test_a_page_that_closes_lets_go_and_another_watches(tab, played):
-    tab.open(played.server.address)
-    tab.until("window.live && live.shown")
-    now, *_ = nearest_facet(played.stored)
+    now, *_ = opened(tab, played)
     x, y = on_screen(tab, now)
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()

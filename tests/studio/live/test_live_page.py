@@ -35,16 +35,12 @@ def live(tmp_path, request):
     made.process.wait()
 
 
-def drawing(tab):
-    return tab.picture("#stage")
-
-
 def becomes(tab, holds):
     """The drawing, once it `holds` what is asked for, or the last one: a busy machine draws late."""
     end = time.monotonic() + PATIENCE_OF_TESTS
     while True:
         tab.page.wait_for_timeout(SETTLED)
-        seen = drawing(tab)
+        seen = tab.picture("#stage")
         if holds(seen) or time.monotonic() > end:
             return seen
 
@@ -67,26 +63,25 @@ def put(tab, name, value):
     field(tab, name).press("Enter")
 
 
+def still(tab, button):
+    """The drawing once the step that a button asks for is shown."""
+    tab.page.get_by_role("button", name=button, exact=True).click()
+    shows(tab, {"first": "step 0,", "newest": f"step {STEPS},"}[button])
+    tab.page.wait_for_timeout(SETTLED)
+    return tab.picture("#stage")
+
+
 def test_a_shot_is_seen_changed_stepped_gone_on_with_and_kept(tab, live):
     opened(tab, live)
     shows(tab, "run 1")
     tab.page.get_by_role("button", name="Stop").click()
-    tab.page.get_by_role("button", name="first").click()
-    shows(tab, "step 0,")
-    tab.page.wait_for_timeout(SETTLED)
-    first = drawing(tab)
-    tab.page.get_by_role("button", name="newest").click()
-    shows(tab, f"step {STEPS},")
-    tab.page.wait_for_timeout(SETTLED)
-    last = drawing(tab)
+    first, last = still(tab, "first"), still(tab, "newest")
     assert busy(first) > 0.02 and busy(last) > 0.02 and difference(first, last) > 0.01
     put(tab, "height", 0.9)
     shows(tab, "run 2")
     shows(tab, "height 0.9")
     shows(tab, DONE)
-    tab.page.get_by_role("button", name="newest").click()
-    tab.page.wait_for_timeout(SETTLED)
-    assert difference(last, drawing(tab)) > 0.01
+    assert difference(last, still(tab, "newest")) > 0.01
     begin = time.monotonic()
     put(tab, "young", 8000)
     shows(tab, "run 3")
@@ -97,8 +92,7 @@ def test_a_shot_is_seen_changed_stepped_gone_on_with_and_kept(tab, live):
     tab.page.get_by_role("button", name="Keep this run").click()
     shows(tab, "kept in")
     assert runs.count(live.folder / "kept" / "fall_1" / "levels" / "1") == STEPS + 1
-    tab.page.get_by_role("button", name="newest").click()
-    shows(tab, f"step {STEPS},")
+    still(tab, "newest")
     put(tab, "step", 7)
     shows(tab, "step 7,")
     tab.page.get_by_role("button", name="Go on from this step").click()
@@ -118,14 +112,6 @@ def test_a_shot_is_seen_changed_stepped_gone_on_with_and_kept(tab, live):
     assert not [path for path in live.folder.iterdir() if path.name.startswith("pdvol-live-")]
 
 
-def still(tab, live, button):
-    """The drawing once the step that a button asks for is shown."""
-    tab.page.get_by_role("button", name=button, exact=True).click()
-    shows(tab, {"first": "step 0,", "newest": f"step {STEPS},"}[button])
-    tab.page.wait_for_timeout(SETTLED)
-    return drawing(tab)
-
-
 def choose_level(tab, level):
     tab.page.get_by_label("level").select_option(level)
 
@@ -134,7 +120,7 @@ def choose_level(tab, level):
 def test_a_solid_is_previewed_refined_and_drawn_as_a_wireframe(tab, live):
     assert listening_addresses(int(live.address.rpartition(":")[2])) == {"127.0.0.1"}
     opened(tab, live)
-    first, last = still(tab, live, "first"), still(tab, live, "newest")
+    first, last = still(tab, "first"), still(tab, "newest")
     assert busy(first) > 0.02 and busy(last) > 0.02 and difference(first, last) > 0.01
     shows(tab, f"step {STEPS}, 0.24 s, level 1")
     choose_level(tab, "0")
@@ -151,7 +137,7 @@ def test_a_solid_is_previewed_refined_and_drawn_as_a_wireframe(tab, live):
     put(tab, "height", 0.9)
     shows(tab, "run 2")
     shows(tab, DONE)
-    higher = still(tab, live, "first")
+    higher = still(tab, "first")
     assert difference(first, higher) > 0.02
     assert tab.page.evaluate("window.levels")[:2] == ["0", "1"], "the preview comes first, and is replaced"
     tab.page.get_by_label("Drawn as").select_option("surface")

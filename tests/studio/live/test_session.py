@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from cli_scenes import FALL, pdvol, write
+from live_page import PATIENCE_OF_TESTS, until
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.live.session import MOST_RUNS, Session
 
 STEPS = 6
 LONG = 100_000  # steps of a run that a test ends
-PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
 
 
 @pytest.fixture(scope="module")
@@ -32,20 +32,19 @@ def session(folder):
     made.close()
 
 
-def until(session, condition):
-    limit = time.monotonic() + PATIENCE_OF_TESTS
-    while not condition():
-        session.tick()
-        assert time.monotonic() < limit, vars(session.current)
-        time.sleep(0.02)
-
-
 def run_with(session, **values):
     """The run that these values start, at its end."""
     last = 0 if session.current is None else session.current.number
     session.change({"steps": STEPS, "young": 2e4, "height": 0.02} | values)
     until(session, lambda: session.current is not None and session.current.number > last)
     until(session, lambda: not session.current.running)
+    return session.current
+
+
+def long_run(session, **values):
+    """A run that has begun."""
+    session.change({"steps": LONG} | values)
+    until(session, lambda: session.current and session.current.values["steps"] == LONG and session.current.steps > 3)
     return session.current
 
 
@@ -96,10 +95,7 @@ def test_changes_in_a_row_start_one_run_with_the_last_value(session):
 
 
 def test_a_change_ends_the_run_before_and_its_states_stay(session):
-    first = session.current.number if session.current else 0
-    session.change({"steps": LONG})
-    until(session, lambda: session.current and session.current.number > first and session.current.steps > 3)
-    long = session.current
+    long = long_run(session)
     run = run_with(session)
     assert run.number == long.number + 1 and run.state == "done"
     assert long.state == "stopped" and not long.running
@@ -107,10 +103,7 @@ def test_a_change_ends_the_run_before_and_its_states_stay(session):
 
 
 def test_a_paused_run_waits_and_goes_on_one_step(session):
-    session.change({"steps": LONG})
-    begun = lambda: session.current is not None and session.current.values["steps"] == LONG
-    until(session, lambda: begun() and session.current.steps > 3)
-    run = session.current
+    run = long_run(session)
     session.pause()
     time.sleep(0.3)
     session.tick()
@@ -141,9 +134,8 @@ def test_a_wrong_value_is_one_line_and_the_run_before_stays_on_the_screen(sessio
 
 def test_a_failed_simulation_says_why_and_keeps_its_steps(session):
     run = run_with(session, max_iterations=1, velocity=(0.0, -300.0))
-    values = session.values
     for name in ("max_iterations", "velocity"):
-        del values[name]
+        del session.values[name]
     assert run.state == "failed" and run.reason.startswith("level 0, step")
     assert session.shown is run and 1 <= run.steps <= STEPS
     assert np.isfinite(run.stored.levels[0].positions(run.steps - 1)).all()
@@ -179,9 +171,7 @@ def test_where_a_run_cannot_go_on_it_starts_again_and_says_so(session):
 
 
 def test_a_kept_run_is_a_run_of_its_own_with_all_that_follows(session, folder):
-    session.change({"steps": LONG, "young": 1.7e4})
-    begun = lambda: session.current is not None and session.current.values["steps"] == LONG
-    until(session, lambda: begun() and session.current.steps > 3)
+    long_run(session, young=1.7e4)
     until(session, lambda: session.shown is session.current)
     long = session.keep("long")
     assert long == folder / "kept" / "long" and open_run(long).levels[0].steps > 3
@@ -194,9 +184,8 @@ def test_a_kept_run_is_a_run_of_its_own_with_all_that_follows(session, folder):
     assert open_run(long).levels[0].steps > 4
     assert open_run(long).info["state"] == "interrupted"
     assert_same_states(open_run(session.keep("done")), done.stored)
-    assert (
-        pdvol("verify", long) == 0 and pdvol("run", folder / "fall.py", "--resume", "--out", long) == 2
-    )  # other steps
+    assert pdvol("verify", long) == 0
+    assert pdvol("run", folder / "fall.py", "--resume", "--out", long) == 2, "other steps"
     assert pdvol("refine", folder / "kept" / "done", "--to", 1, "--no-picture") == 0
 
 
@@ -207,10 +196,7 @@ def test_few_runs_are_kept_in_the_temporary_folder(session, folder):
 
 
 def test_a_process_that_is_killed_is_replaced(session):
-    session.change({"steps": LONG})
-    begun = lambda: session.current is not None and session.current.values["steps"] == LONG
-    until(session, lambda: begun() and session.current.steps > 3)
-    run = session.current
+    run = long_run(session)
     run.worker._process.kill()
     until(session, lambda: not run.running)
     assert run.state == "failed" and session.shown is run

@@ -108,13 +108,11 @@ class Hand {
     this.live.ask("hand", { pulls, obstacles, sample: this.sample });
   }
 
-  // A picture is drawn whose step has used a sample: the time from its event to the frame after.
+  // A picture is drawn whose step has used a sample, and all before it: the times from their events to the frame after.
   seen(sample) {
-    const began = this.sent.get(sample);
-    if (began === undefined) return;
-    for (const one of this.sent.keys()) if (one <= sample) this.sent.delete(one);
-    requestAnimationFrame(() => this.delays.push(performance.now() - began));
-    if (this.delays.length >= 20) this.live.ask("delays", { values: this.delays.splice(0) });
+    const used = [...this.sent].filter(([one]) => one <= sample);
+    for (const [one] of used) this.sent.delete(one);
+    if (used.length) requestAnimationFrame(() => { for (const [, began] of used) this.delays.push(performance.now() - began); });
   }
-  get delay() { const sorted = [...this.delays].sort((a, b) => a - b); return sorted[sorted.length >> 1]; }
+  get delay() { const sorted = this.delays.slice(-20).sort((a, b) => a - b); return sorted[sorted.length >> 1]; }
 }

@@ -5,8 +5,15 @@ const AHEAD = 8;  // steps that are asked for before they are played
 const TEXTS = 150;  // ms between changes of the page's words while a hand plays: each costs as much as a picture
 const CHECKED = 16;  // pictures of a take from one whose time is taken to the next
 const SLOW = 8;  // ms of a picture from which on a take is drawn with fewer pixels, and not at each chance
-const SLOW_WAIT = 30;  // ms between such pictures
+const SLOW_WAIT = 30;  // ms between such pictures; half as much again where simulated time is slower than the clock
+const RESTS = 300;  // ms without a new picture after which one without a graphics card gets smooth edges
 const MOST_BYTES = 4e8;  // of places of a level in the page; beyond it they are asked for anew
+
+// Whether the processor draws. Smooth edges then cost as much as all else of a picture.
+const SOFTWARE = (() => {
+  const gl = document.createElement("canvas").getContext("webgl2"), names = gl && gl.getExtension("WEBGL_debug_renderer_info");
+  return Boolean(names) && /swiftshader|llvmpipe|softpipe|software|basic render/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+})();
 
 // Positions of one part, of the steps that have come. Neighbours stand in for others.
 class ComingStates {
@@ -83,12 +90,13 @@ class Live {
   follow(status) {
     const ended = this.status.playing && !status.playing;
     Object.assign(this, { status, news: true });
-    if (ended) Object.assign(this, { follows: false, plays: false, position: this.newest });  // a take's end stays
+    if (ended) Object.assign(this, { follows: false, plays: false, position: this.newest, stale: true });  // a take's end stays
     if (status.run && status.run !== this.run) {
       for (const [level, shown] of this.levels) if (shown && shown !== this.shown) shown.dispose();
       Object.assign(this, { run: status.run, levels: new Map(), follows: true, plays: false, position: status.begin });
       this.asked.clear();
     }
+    if (status.offsets) this.asked.add(`0 ${this.newest}`);  // it comes at once
     if (status.run && this.follows) this.newestHeld();  // it is asked for before the next frame
     this.redraw(false);
   }
@@ -123,7 +131,7 @@ class Live {
     shown.drawAs($("drawn").value);
     this.levels.set(level, shown);
     if (!this.view) {
-      this.view = new View([shown]);
+      this.view = new View([shown], !SOFTWARE);
       this.view.controls.addEventListener("change", () => this.redraw());
       new ResizeObserver(() => { this.view.resize(); this.redraw(); }).observe(stage);
       $("message").hidden = true;
@@ -190,12 +198,11 @@ class Live {
   }
   frame(now) {
     this.waiting = false;
-    const { playing } = this.status, speaks = !playing || now > this.spoke + TEXTS;
+    const { playing, factor } = this.status, speaks = !playing || now > this.spoke + TEXTS;
     if (speaks) this.spoke = now;
     if (this.news && speaks) this.write();
     if (!this.status.run) return;
-    if (this.view && !playing) this.view.setQuality(1);
-    if (this.view && this.view.quality < 1 && now < this.drew + SLOW_WAIT) return void this.redraw(false);
+    if (playing && this.view && this.view.quality < 1 && now < this.drew + SLOW_WAIT * (factor < 1 ? 1.5 : 1)) return void this.redraw(false);
     this.advance(now);
     const step = this.step(), finer = $("beside").checked ? this.finest() : 0, level = finer ? 0 : this.levelAt(step);
     const last = finer && Math.min(step, this.status.states[finer] - 1);
@@ -205,7 +212,10 @@ class Live {
     if (this.shown && this.view && (this.stale || seen !== this.seen)) {  // what is the same is not drawn again
       Object.assign(this, { seen, stale: false, drew: now });
       this.put(beside ? [this.shown, beside] : [this.shown]);
+      if (!playing || this.view.quality > 1) this.view.setQuality(1);
       this.view.draw();
+      clearTimeout(this.rest);
+      if (SOFTWARE && !playing) this.rest = setTimeout(() => { this.view.setQuality(2); this.view.draw(); }, RESTS);
       if (playing && this.frames % CHECKED === 0 && this.view.timed() > SLOW) this.view.setQuality(0.5);
       if (shown && shown.samples.has(step)) this.hand.seen(shown.samples.get(step));
     }

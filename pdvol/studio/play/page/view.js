@@ -10,7 +10,7 @@ const element = (name, properties, ...children) => {
 const stage = document.getElementById("stage"), canvas = document.getElementById("canvas");
 
 class View {
-  constructor(shown) {
+  constructor(shown, smooth = true) {  // `smooth`: edges, by the graphics card
     this.shown = shown;  // by pane; null for a pane without states
     this.layout = "grid";
     this.first = this.shown.findIndex(Boolean);
@@ -18,7 +18,7 @@ class View {
     if (this.second < 0) this.second = this.first;
     Object.assign(this, { wipe: 0.5, quality: 1 });
     this.size = [1, 1];
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: smooth });
     this.renderer.setClearColor(new THREE.Color(DATA.colours.background));
     this.renderer.autoClear = false;
     this.camera = FLAT ? new THREE.OrthographicCamera() : new THREE.PerspectiveCamera(DATA.camera.angle);

@@ -1,0 +1,1 @@
+"""How fast the live page is: real-time factor, and the time from the hand to the picture."""
