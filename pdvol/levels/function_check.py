@@ -60,8 +60,8 @@ def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
 
 def shape_points(body: Body) -> np.ndarray:
     """Points (n, d) of a body's shape, of the coarsest level's where each has its own."""
-    shape = read_shape(body.shape[0] if isinstance(body.shape, tuple) else body.shape)
-    return shape.points if isinstance(shape, Outline) else shape.vertices
+    shape = read_shape(body.shape[0] if isinstance(body.shape, (tuple, list)) else body.shape)
+    return np.asarray(shape.points if isinstance(shape, Outline) else shape.vertices, dtype=float)
 
 
 def _of_places(scene: Scene) -> Iterator[tuple[str, Any, str, tuple]]:
