@@ -53,21 +53,22 @@ INLINE double to_edge(const double *p, const double *a, const double *b, closest
     return dot(c->gap, c->gap);
 }
 
-/* Of a triangle: inside it, or the closest of its edges' closest points. */
+/* Of a triangle: inside it, or the closest of its edges' closest points. By the normal: round-off of dot products of sides would count 1 / sin^2 of
+ * their angle times, and make the gap over a flat triangle too large. */
 INLINE double to_triangle(const double *p, const double *const *x, closest_t *c)
 {
-    double u[3], v[3], w[3];
+    double u[3], v[3], w[3], n[3], across[3], along[3];
     minus(x[1], x[0], u), minus(x[2], x[0], v), minus(p, x[0], w);
-    const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), uw = dot(u, w), vw = dot(v, w);
-    const double det = uu * vv - uv * uv, s = vv * uw - uv * vw, t = uu * vw - uv * uw;
+    cross(u, v, n), cross(w, v, across), cross(u, w, along);
+    const double det = dot(n, n), s = dot(across, n), t = dot(along, n);
     if (s > 0.0 && t > 0.0 && s + t < det) {
-        const double a = s / det, b = t / det;
+        const double a = s / det, b = t / det, height = dot(w, n) / det;
         c->kind = 3;
         for (int i = 0; i < 3; ++i)
             c->corner[i] = i;
         c->share[0] = 1.0 - a - b, c->share[1] = a, c->share[2] = b;
         for (int j = 0; j < 3; ++j)
-            c->gap[j] = w[j] - a * u[j] - b * v[j];
+            c->gap[j] = height * n[j];
         return dot(c->gap, c->gap);
     }
     double least = INFINITY;

@@ -43,6 +43,7 @@ def slides(draw):
             normal = np.cross(upper[1] - upper[0], lower[1] - lower[0])
         normal /= np.linalg.norm(normal)
     else:
+        lower[:, 1] *= draw(powers(-5.0, 0.0))  # flat triangles, too
         normal, upper = np.array([0.0, 0.0, 1.0]), (random.dirichlet([1.0, 1.0, 1.0]) @ lower)[None]
     along = np.cross(normal, random.standard_normal(3))
     along /= np.linalg.norm(along)
