@@ -36,7 +36,7 @@ from pdvol.meshing.verdict import Boundary, check_place, judge, place_of
 from pdvol.scene import Body, Deforming, Rigid, Scene
 from pdvol.stages import say, stage
 
-BUILD_VERSION = 9
+BUILD_VERSION = 10
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape

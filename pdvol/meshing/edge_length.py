@@ -22,7 +22,10 @@ MAX_ATTEMPTS = 6
 """Number of meshes after which the search ends with the closest."""
 FINER = 0.94
 """Factor on the edge length after a mesh that is not valid: about 15 % more vertices, which still suits the target."""
-
+LONGER, FEWER = 1.5, 0.9
+"""A search ends where edges longer by the first factor leave more than the second one of too many vertices: no longer
+edges give the target. Elsewhere they leave less than half.
+"""
 MORE_VERTICES = 2
 """Factor on a target for which no mesh is valid: edges a quarter shorter, which holes and thin walls often need."""
 
@@ -133,6 +136,10 @@ def mesh_of_target_size(
         if abs(len(made.points) / target - 1.0) <= ACCEPTED_DEVIATION:
             say(f"{len(made.points):,} vertices, {'1 try' if tried == 1 else f'{tried} tries'}")
             return made
+        if len(history) > 1 and off > 0:
+            longer, fewer = np.subtract(history[-1], history[-2])
+            if longer >= np.log(LONGER) and fewer > np.log(FEWER):
+                break
         scale = float(np.exp(_next_log_scale(history, dim)))
     if best is None:
         raise UnreachableCount(
@@ -140,7 +147,7 @@ def mesh_of_target_size(
         )
     n = len(best[1].points)
     if best[0] <= np.log(CLOSEST_FACTOR):
-        say(f"{n:,} vertices, the closest to {target:,} in {MAX_ATTEMPTS} tries")
+        say(f"{n:,} vertices, the closest to {target:,} in {tried} tries")
         return best[1]
     raise UnreachableCount(f"{name}: {target} vertices cannot be had, the closest mesh has {n}", target, n)
 

@@ -11,6 +11,7 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Surface
+from pdvol.meshing import cpu_budget
 from pdvol.meshing import tetrahedralise as tetrahedra
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
@@ -98,3 +99,18 @@ def test_what_a_mesher_returns_is_checked(name, said, monkeypatch):
     monkeypatch.setattr(tetrahedra, "ftetwild", lambda *_, **__: faulty(name))
     with pytest.raises(MeshError, match=f"no valid mesh .* came out .*{said}"):
         tetrahedralise(meshes.box(), 125)
+
+
+def test_few_vertices_take_few_points_around_the_shape(monkeypatch):
+    lengths, made = [], tetrahedra.ftetwild
+
+    def kept(vertices, triangles, edge_length, *limits):
+        lengths.append(edge_length / np.linalg.norm(np.ptp(vertices, axis=0)))
+        return made(vertices, triangles, edge_length, *limits)
+
+    monkeypatch.setattr(tetrahedra, "ftetwild", kept)
+    before = cpu_budget._used()
+    assert 10 <= len(tetrahedralise(meshes.box(), 20).points) <= 40
+    assert (
+        max(lengths) <= tetrahedra.LONGEST_EDGE * (1 + 1e-12) and cpu_budget._used() - before < 15.0
+    )  # once 13 s each
