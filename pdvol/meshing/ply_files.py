@@ -52,6 +52,8 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
             lack = f"it promises {count:,} {'vertices' if name == 'vertex' else f'{name}s'} and holds {held:,}"
             raise MeshError(f"{path}: truncated, {lack}; export the mesh again")
     points = np.column_stack([np.ravel(found["vertex"][axis]) for axis in "xyz"]).astype(float)
+    if "face" not in found and "tristrips" in (name for name, _, _ in elements):
+        raise MeshError(f"{path}: its triangles are strips (tristrips), which are not read; export faces")
     faces = found.get("face", {})
     return points, cut_faces(points, faces.get("vertex_indices", faces.get("vertex_index", ())))
 

@@ -10,6 +10,10 @@ import numpy as np
 
 MOST_CORNERS = 200
 """Corners of a polygon that is no fan; the time to cut its ears grows with their square."""
+BRIDGE = 1e-4
+"""Distance, in longest sides, by which corners move inward where some repeat, as those of a bridge to a hole: VTK cuts
+no polygon that touches itself within 1e-6.
+"""
 SMALL_AREA = 1e-9
 """Area, relative to the square of the longest side, below which a fan's triangle counts as flat."""
 
@@ -54,7 +58,11 @@ def cut_polygons(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
     for k in np.flatnonzero(broken):
         if corners > MOST_CORNERS:
             raise ValueError(f"a polygon of {corners} corners is not convex, cut the mesh into triangles before")
-        ears = _ears_cut(place[k] / longest[k])
+        one = place[k] / longest[k]
+        ears = _ears_cut(one)
+        if ears is None and len(np.unique(one, axis=0)) < corners:
+            aside = np.cross(normals[k] / lengths[k], np.roll(one, -1, axis=0) - one)
+            ears = _ears_cut(one + BRIDGE * (aside + np.roll(aside, 1, axis=0)))
         if ears is not None:
             fans[k] = polygons[k][ears]
     return fans

@@ -9,6 +9,7 @@ from contextlib import suppress
 
 import igl
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
@@ -25,6 +26,7 @@ from pdvol.meshing.validate import (
     crossings_of,
     drop_unused,
     flat_triangles,
+    mixed_edges,
     repeated,
     shells,
     shells_around,
@@ -45,6 +47,10 @@ UNCHANGED = 1e-6
 """Distance in diagonals, or relative volume, up to which two shapes count as the same: round-off of a file in text."""
 PARTED = 1e-3
 """Share of its way to its neighbours by which each copy of a split vertex moves: the copies must not touch."""
+ON_AN_EDGE = 1e-6
+"""Distance in diagonals up to which a vertex lies on an edge: round-off of single precision."""
+NEAR_RIM = 0.1
+"""Distance of two vertices of open edges, relative to these edges, below which they may have been one."""
 MOST_FLIPS = 10
 """Rounds in which edges are turned against triangles without area; one is enough for polygons cut in fans."""
 
@@ -89,6 +95,8 @@ def repair(
         mended = _solid(points, cells, regions[keep], name, done)
         after = mended.vertices, mended.cells.astype(np.int64)
     else:
+        _check_left(cells, name)
+        cells = _divided(points, cells, max(weld, ON_AN_EDGE) * _diagonal(points), done)
         mended = _uncrossed(_surface(points, cells, hole, name, done), hole, envelope, name, done)
         after = mended.vertices, mended.triangles.astype(np.int64)
     if done and before[0].shape[1] == 3:
@@ -157,28 +165,75 @@ def _solid(points: np.ndarray, cells: np.ndarray, regions: np.ndarray, name: str
     return Solid(points, cells.astype(np.int32), regions.astype(np.int32))
 
 
+def _divided(points: np.ndarray, triangles: np.ndarray, distance: float, done: list[str]) -> np.ndarray:
+    """Triangles at open edges, divided at other vertices of open edges that lie nearer than `distance` [m]: where only
+    one of two sides divides an edge, both then do.
+    """
+    divided = 0
+    for _ in range(3):  # each edge of a triangle
+        rim, kept, more = np.unique(open_edges(triangles)), np.ones(len(triangles), dtype=bool), list[tuple]()
+        tree = cKDTree(points[rim])
+        for a, b in open_edges(triangles):
+            along = points[b] - points[a]
+            reach = np.linalg.norm(along) / 2 - 2 * distance  # ends and what lies at them are left out
+            near = rim[tree.query_ball_point((points[a] + points[b]) / 2, max(reach, 0.0))]
+            (t,) = np.flatnonzero((triangles == a).any(axis=1) & (triangles == b).any(axis=1))
+            near = near[~np.isin(near, triangles[t])]
+            share = (points[near] - points[a]) @ along / (along @ along)
+            on = np.linalg.norm(points[near] - points[a] - share[:, None] * along, axis=1) <= distance
+            if on.any() and kept[t]:
+                k = np.flatnonzero(~np.isin(triangles[t], (a, b)))[0]
+                c, first, _ = np.roll(triangles[t], -k)
+                chain = [a, *near[on][np.argsort(share[on])], b][:: 1 if first == a else -1]
+                more += [(c, *pair) for pair in zip(chain, chain[1:], strict=False)]
+                kept[t], divided = False, divided + 1
+        if kept.all():
+            break
+        triangles = np.vstack([triangles[kept], np.array(more, dtype=np.int64)])
+    _say(done, divided, "{} open edges divided where the other side is")
+    return triangles
+
+
 def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, name: str, done: list[str]) -> Surface:
     triangles = _without_flat(points, triangles, done)
     _check_left(triangles, name)
-    triangles = _oriented(triangles, done)
+    triangles = _oriented(triangles, name, done)
     points, triangles = _split(points, triangles, done)
     size = _diagonal(points)
+    seam = _seam(points, triangles)
     points, triangles, starts, rims = filled_holes(points, triangles)
-    triangles = _without_sheets(points, triangles, name, done)
+    triangles = _without_sheets(points, triangles, name, seam, done)
     rims = rims[np.isin(starts, triangles)]
     wide = rims[rims > hole * size] / size
     if len(wide):
         rim, them = ("a rim", "it") if len(wide) == 1 else (f"{len(wide)} rims", "them")
         raise MeshError(
             f"{name}: open along {rim} of up to {wide.max():.3g} diagonals, longer than --hole {hole:g};"
-            f" --hole {np.ceil(100 * wide.max()) / 100:g} closes {them}"
+            f" {seam or f'--hole {np.ceil(100 * wide.max()) / 100:g} closes {them}'}"
         )
     _say(done, len(rims), "{} holes filled")
     points, triangles = drop_unused(points, _outward(points, triangles, done))
     return Surface(points, triangles.astype(np.int32))
 
 
-def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, done: list[str]) -> np.ndarray:
+def _seam(points: np.ndarray, triangles: np.ndarray) -> str:
+    """Advice where the vertices of open edges mostly lie much nearer to others than these edges are long."""
+    edges = open_edges(triangles)
+    rim, index = np.unique(edges, return_inverse=True)
+    if len(rim) < 2:
+        return ""
+    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    least = np.full(len(rim), np.inf)
+    np.minimum.at(least, index.reshape(-1, 2), lengths[:, None])
+    gaps = cKDTree(points[rim]).query(points[rim], k=2)[0][:, 1]
+    near = gaps < NEAR_RIM * least
+    if 2 * near.sum() <= len(rim):
+        return ""
+    share = 2.0 * gaps[near].max() / _diagonal(points)
+    return f"--weld {share:.1g} joins vertices of open edges that lie near each other"
+
+
+def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, seam: str, done: list[str]) -> np.ndarray:
     """Triangles of closed shells without those of shells that enclose nothing; MeshError where these are no crumbs."""
     owner, first = shells(points, triangles)
     areas = facet_sizes(points, triangles)
@@ -191,8 +246,9 @@ def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, done: 
     share = areas[sheets].sum() / areas.sum()
     if share > MOST_SHEETS:
         place = ", ".join(f"{x:.3g}" for x in points[triangles[sheets]].mean(axis=(0, 1)))
+        remedy = "give it thickness" if flat.all() else "remove it, or give it thickness"
         part = "" if flat.all() else f" about ({place}), {100 * share:.2g} % of the surface,"
-        raise MeshError(f"{name}: a sheet without thickness{part} encloses no volume; give it thickness")
+        raise MeshError(f"{name}: a sheet without thickness{part} encloses no volume; {seam or remedy}")
     _say(done, flat.sum(), f"{{}} sheets that enclose nothing dropped, {100 * share:.2g} % of the area")
     return triangles[~sheets]
 
@@ -222,10 +278,12 @@ def _without_flat(points: np.ndarray, triangles: np.ndarray, done: list[str]) ->
     return np.delete(triangles, flat, axis=0)
 
 
-def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
+def _oriented(triangles: np.ndarray, name: str, done: list[str]) -> np.ndarray:
     """Neighbouring triangles turned the same way; each connected part as most of it is."""
     turned, part = igl.bfs_orient(np.ascontiguousarray(triangles))[:2]
     turned = np.asarray(turned, dtype=np.int64)
+    if len(mixed_edges(turned)):
+        raise MeshError(f"{name}: a part has one side only, as a Moebius strip, and no inside; cut or remove it")
     changed = (turned != triangles).any(axis=1)
     most = (np.bincount(part, changed) > np.bincount(part) / 2)[part]
     turned[most], changed = turned[most][:, ::-1], changed ^ most
@@ -245,8 +303,13 @@ def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[
     for one, other in (edges.T, edges.T[::-1]):
         np.add.at(middles, one, places[other])
     middles /= np.bincount(edges.ravel(), minlength=len(places))[:, None]
-    places[copies] += PARTED * (middles - places)[copies]
-    return places, split
+    moved = places.copy()
+    moved[copies] += PARTED * (middles - places)[copies]
+    edges, crossed, _ = crossings_of(moved, split)  # of a cavity that meets its hull: both move the same way
+    part = connected_parts(split, len(places))
+    stay = np.isin(part, part[np.concatenate([edges.ravel(), split[crossed].ravel()])])
+    moved[stay] = places[stay]
+    return moved, split
 
 
 def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:

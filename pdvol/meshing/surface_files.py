@@ -145,7 +145,9 @@ def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
 def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
     lines = (line.partition("#")[0].split() for line in path.read_text(errors="replace").splitlines())
     words = [line for line in lines if line]
-    header = words.pop(0)[1:] or words.pop(0)
+    if not words[0][0].isdigit():  # a word such as OFF or COFF, which may be left out
+        words[0] = words[0][1:]
+    header = words.pop(0) or words.pop(0)
     n, m = int(header[0]), int(header[1])
     if len(words) < n + m:
         raise ValueError(f"{n} vertices and {m} faces promised, {len(words)} lines found")

@@ -119,10 +119,17 @@ def _check_crossings(points: np.ndarray, facets: np.ndarray, name: str, what: st
         )
 
 
-def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True) -> None:
-    """Raise MeshError unless the triangles form a closed, consistently oriented 2-manifold."""
+def mixed_edges(triangles: np.ndarray) -> np.ndarray:
+    """Edges (e, 2) of two triangles that disagree on what is outside."""
     corners = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     edges, which, counts = counted_edges(triangles)
+    turns = np.bincount(which, weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
+    return edges[(counts == 2) & (turns != 0)]
+
+
+def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True) -> None:
+    """Raise MeshError unless the triangles form a closed, consistently oriented 2-manifold."""
+    edges, _, counts = counted_edges(triangles)
     if (counts > 2).any():
         heavy = some(edges[counts > 2])
         raise MeshError(
@@ -133,12 +140,10 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
             f"{name}: the surface is open along {int((counts == 1).sum())} edges, {some(edges[counts == 1])}; close"
             " the holes"
         )
-    turns = np.bincount(which, weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
-    mixed = np.flatnonzero((counts == 2) & (turns != 0))
+    mixed = mixed_edges(triangles)
     if len(mixed):
-        seams = some(edges[mixed])
         raise MeshError(
-            f"{name}: triangles disagree on what is outside across edges {seams}; recalculate the normals outward"
+            f"{name}: triangles disagree on what is outside across edges {some(mixed)}; recalculate the normals outward"
         )
     fans = igl.is_vertex_manifold(np.ascontiguousarray(triangles, dtype=np.int64))
     pinched = np.intersect1d(np.flatnonzero(~fans), triangles)

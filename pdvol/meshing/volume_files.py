@@ -12,6 +12,7 @@ from pdvol.meshes import Solid, Surface
 from pdvol.meshing.gmsh_files import in_one_group, read_gmsh
 from pdvol.meshing.losses import lost_labels, unread_labels
 from pdvol.meshing.surface_files import CORNERS, first_that_reads, indices, triangles_of
+from pdvol.meshing.weld import open_edges
 from pdvol.meshing.xdmf_files import read_xdmf, welded
 
 if TYPE_CHECKING:
@@ -63,6 +64,10 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
     labels = _regions(mesh, blocks, rows)
     if not tets and points.shape[1] == 3 and not (inside and np.ptp(points[cells, 2]) == 0.0):
         names = [str(label) for label in np.unique(labels)]
+        if suffix == ".msh" and labels.any() and len(open_edges(cells)):
+            notes.append("Gmsh saves only what is in physical groups: give the volume one, or set Mesh.SaveAll=1")
+        if inside and np.ptp(points[cells.ravel()], axis=0).min() == 0.0:
+            notes.append("all of it lies at one x or y; for a scene in 2D turn it, so that it lies at one z")
         return Surface(points, cells), notes + lost_labels(names if len(names) > 1 else [])
     points = points if tets else np.ascontiguousarray(points[:, :2])
     if suffix == ".msh":

@@ -13,6 +13,7 @@ import pytest
 import pyvista
 from mpi4py import MPI
 
+from cli_scenes import pdvol
 from hostile_files import CUBE, mesh, obj, ply, shifted, stl_text, together
 from pdvol.errors import MeshError
 from pdvol.meshes import Solid, Surface
@@ -79,6 +80,14 @@ def test_gmsh_with_all_entities(tmp_path, boxes, version, options, dim):
     check_solid(solid)
     lost = version == 2.2 or dim == 2  # files of version 2.2 then hold no groups, but the entities
     assert labels(solid) == ({1: one, 2: two, 3: three} if lost else {7: one, 8: two + three})
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_gmsh_with_groups_of_faces_alone(tmp_path, boxes, version, capfd):
+    write, _ = boxes({5: [1]}, 2)
+    assert pdvol("check", write(tmp_path / "a.msh", version)) == 2
+    said = capfd.readouterr().out
+    assert "the surface is open" in said and "Gmsh saves only what is in physical groups: give the volume one" in said
 
 
 def test_gmsh_of_higher_order(tmp_path, boxes):
@@ -300,6 +309,13 @@ def test_files_of_vtk(tmp_path, name):
     shape = read_shape(tmp_path / name)
     assert len(shape.triangles if isinstance(shape, Surface) else shape.cells) == count
     (check_surface if isinstance(shape, Surface) else check_solid)(shape)
+
+
+def test_a_flat_mesh_at_one_y_says_how_to_turn_it(tmp_path):
+    grid(5, SHELL[1:2]).save(tmp_path / "side.vtu")
+    assert read_with_notes(tmp_path / "side.vtu")[1] == [
+        "all of it lies at one x or y; for a scene in 2D turn it, so that it lies at one z"
+    ]
 
 
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu"])

@@ -152,6 +152,50 @@ def test_changes_beyond_the_envelope_are_refused():
     assert len(result.triangles) == len(triangles)
 
 
+X, Y, Z, ORIGIN = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (0, 0, 0)
+SIDES = [(ORIGIN, Y, X), (Z, X, Y), (ORIGIN, X, Z), (Y, Z, X), (ORIGIN, Z, Y), (X, Y, Z)]
+
+
+def box_of_sides(counts):
+    """A box, each of whose sides is divided into so many along both of its axes; equal vertices are one."""
+    points, triangles = [], []
+    for (origin, one, other), count in zip(SIDES, counts, strict=True):
+        for i, j in product(range(count), repeat=2):
+            triangles += [np.add(len(points), (0, 1, 2)), np.add(len(points), (0, 2, 3))]
+            for a, b in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)):
+                points.append(origin + a * np.array(one) / count + b * np.array(other) / count)
+    welded = weld_open(Surface(np.round(points, 9), np.array(triangles, dtype=np.int32)))[0]
+    return welded.vertices, welded.triangles
+
+
+@pytest.mark.parametrize("matrix", [np.eye(3), TURN])
+def test_edges_that_one_side_alone_divides_are_divided_on_both(matrix):
+    points, triangles = box_of_sides((5, 1, 1, 3, 1, 2))
+    result, done = mended(np.float32(points @ matrix.T).astype(float), triangles)
+    judge(result, "box")
+    assert done[0] == "17 open edges divided where the other side is" and len(result.vertices) == len(points)
+    assert abs(enclosed_volume(result.vertices, result.triangles)) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_vertices_that_are_nearly_one_are_named():
+    corners = CUBE.vertices[CUBE.triangles].reshape(-1, 3) + np.random.default_rng(1).uniform(-1e-6, 1e-6, (36, 3))
+    apart = corners, np.arange(36).reshape(-1, 3)
+    with pytest.raises(MeshError, match="; --weld [23]e-06 joins vertices of open edges that lie near each other$"):
+        mended(*apart)
+    assert len(repair(Surface(apart[0], apart[1].astype(np.int32)), 3e-6, 1.0, 1e-3, "thing")[0].vertices) == 8
+
+
+def test_a_cavity_that_meets_its_hull_in_a_vertex_stays_a_cavity():
+    top = np.argmax(BALL.vertices[:, 2])
+    points, triangles = together(shifted(BALL, 0.0), ball_at(0.6 * BALL.vertices[top], 0.4, True))
+    triangles[triangles == len(BALL.vertices) + top] = top
+    result, done = mended(points, triangles)
+    judge(result, "cavity")
+    assert "shells 1 -> 2" in done[-1] and not any("turned" in line for line in done)
+    volume = enclosed_volume(BALL.vertices, BALL.triangles)
+    assert enclosed_volume(result.vertices, result.triangles) == pytest.approx((1 - 0.4**3) * volume, rel=1e-2)
+
+
 def grid(height, n=10):
     x, y = (c.ravel() for c in np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1), indexing="ij"))
     i = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
@@ -172,9 +216,27 @@ SHEETS = {
 }
 
 
+def band():
+    """A Moebius strip."""
+    turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)[:, None]
+    out = 1 + np.array([-0.3, 0.3]) * np.cos(turn / 2)
+    points = np.stack([out * np.cos(turn), out * np.sin(turn), np.array([-0.3, 0.3]) * np.sin(turn / 2)], -1)
+    a = 2 * np.arange(40)
+    c, d = np.append(a[1:], 1), np.append(a[1:] + 1, 0)
+    return points.reshape(-1, 3), np.vstack([np.column_stack([a, c, a + 1]), np.column_stack([a + 1, c, d])])
+
+
+def test_a_part_of_one_side_is_refused():
+    with pytest.raises(MeshError, match="^thing: a part has one side only, as a Moebius strip"):
+        mended(*band(), hole=10.0)
+
+
 @pytest.mark.parametrize("name", SHEETS)
 def test_sheets_are_refused(name):
-    with pytest.raises(MeshError, match=r"^thing: a sheet without thickness.* encloses no volume; give it thickness$"):
+    with pytest.raises(
+        MeshError,
+        match=r"^thing: a sheet without thickness.* encloses no volume; (give it|remove it, or give it) thickness$",
+    ):
         mended(*SHEETS[name])
 
 
