@@ -36,12 +36,7 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
     """The surface with about `target` vertices, its shells and handles kept; unchanged where it has no more than that.
 
     Several settings and libraries are tried until the result passes `check_surface`. Those that prevent intersections
-    are slower and come last.
-
-    Raises
-    ------
-    MeshError
-        No attempt passed.
+    are slower and come last. It raises MeshError where no attempt passed.
     """
     n = len(surface.vertices)
     if n <= target:

@@ -102,14 +102,9 @@ def mesh_of_target_size(
     """Call `make(scale, failures)` with edge-length factors until the number of points suits the target.
 
     `make` raises InputError for an invalid mesh; the next call then gets a `failures` that is larger by one.
-
-    Raises
-    ------
-    UnreachableCount
-        No mesh came within `CLOSEST_FACTOR` of the target, or none was valid: the message has the last failure. A
-        mesher that ran out of processor time is not called again; one that crashed is.
-    MeshError
-        The processor time of the command is used up.
+    UnreachableCount is raised where no mesh came within `CLOSEST_FACTOR` of the target, or none was valid: its message
+    has the last failure. A mesher that ran out of processor time is not called again; one that crashed is. MeshError is
+    raised where the processor time of the command is used up.
     """
     best: tuple[float, SizedMesh] | None = None
     reason, failures = "", 0

@@ -19,21 +19,9 @@ SMALL_AREA = 1e-9
 
 
 def cut_polygons(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
-    """Triangles of polygons with equally many corners each.
+    """Triangles (k, c - 2, 3) int64 of polygons (k, c) with equally many corners each, at points (n, 2) or (n, 3) [m].
 
-    Parameters
-    ----------
-    points : (n, 2) or (n, 3) [m]
-    polygons : (k, c) integer
-
-    Returns
-    -------
-    (k, c - 2, 3) int64
-
-    Raises
-    ------
-    ValueError
-        A polygon of more than `MOST_CORNERS` corners is no fan, or one has less than three.
+    It raises ValueError where a polygon of more than `MOST_CORNERS` corners is no fan, or one has less than three.
     """
     polygons = np.asarray(polygons, dtype=np.int64)
     count, corners = polygons.shape

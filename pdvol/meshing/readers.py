@@ -52,12 +52,8 @@ def _end_idle() -> None:
 def read_in_child_process(path: Path, read: Callable, *given: Any, loads: str = "") -> Any:
     """The result of `read(path, *given)`, a function of a module's top level, which runs in a child process.
 
-    Raises
-    ------
-    MeshError
-        `read` crashed, hung, or exceeded the limit on processor time or memory for a file of this size.
-    InputError
-        As `read` raised it.
+    It raises InputError as `read` does, and MeshError where `read` crashed, hung, or exceeded the limit on processor
+    time or memory for a file of this size.
     """
     size = path.stat().st_size
     seconds, memory = BASE_SECONDS + size / BYTES_PER_SECOND, int(BASE_MEMORY + MEMORY_PER_BYTE * size)
@@ -141,14 +137,8 @@ def read_numbered(file: str | Path, whose: str) -> tuple[np.ndarray, np.ndarray]
     """All vertices (n, d) of a file that a scene names, in the file's order, and the facets (f, d) int64 between them:
     triangles, or edges of a flat volume mesh. Of volume meshes these are the boundary.
 
-    Parameters
-    ----------
-    whose : the field that names it, as "PointCache.faces"; begins messages
-
-    Raises
-    ------
-    InputError
-        It is missing or unreadable, has no facets, or does not number its vertices, as STL.
+    `whose` is the field that names it, as "PointCache.faces". It raises InputError where the file is missing or
+    unreadable, has no facets, or does not number its vertices, as STL.
     """
     if Path(file).suffix.lower() == ".stl":
         raise InputError(f"{whose}: {file}: STL files do not number their vertices; export OBJ or PLY")

@@ -60,12 +60,8 @@ def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) 
 
 
 def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
-    """The bytes of a picture and the ending of its name.
-
-    Raises
-    ------
-    InputError
-        It is missing, unreadable or no picture of `PICTURES`.
+    """The bytes of a picture and the ending of its name. It raises InputError where it is missing, unreadable or no
+    picture of `PICTURES`.
     """
     path = Path(texture).expanduser()
     ending = path.suffix.lower()

@@ -1,12 +1,14 @@
 """Splits the longest edges of a surface whose triangles are too large for a level. The shape stays as it is."""
 
 import heapq
+from itertools import count as counted
 
 import numpy as np
 
 from pdvol.meshes import Surface
 
 Edge = tuple[int, int]
+"""Its smaller vertex first."""
 
 
 def split_longest_edges(surface: Surface, count: int) -> Surface:
@@ -18,13 +20,14 @@ def split_longest_edges(surface: Surface, count: int) -> Surface:
     if len(surface.vertices) >= count:
         return surface
     points = [np.asarray(p, dtype=np.float64) for p in surface.vertices]
-    triangles: dict[int, tuple[int, int, int]] = {}
+    triangles: dict[int, tuple[int, ...]] = {}
     beside: dict[Edge, set[int]] = {}
-    queue: list[tuple[float, Edge]] = []
+    queue, numbers = list[tuple[float, Edge]](), counted()
     # lengths are compared to nine digits: those that differ by round-off alone are equal
     digits = 9 - int(np.floor(np.log10(np.ptp(surface.vertices, axis=0).max())))
 
-    def add(number: int, corners: tuple[int, int, int]) -> None:
+    def add(corners: tuple[int, ...]) -> None:
+        number = next(numbers)
         triangles[number] = corners
         for edge in _edges(corners):
             if edge not in beside:
@@ -32,9 +35,8 @@ def split_longest_edges(surface: Surface, count: int) -> Surface:
                 heapq.heappush(queue, (-round(length, digits), edge))
             beside.setdefault(edge, set()).add(number)
 
-    for number, (a, b, c) in enumerate(surface.triangles.tolist()):
-        add(number, (a, b, c))
-    following = len(triangles)
+    for corners in surface.triangles.tolist():
+        add(tuple(corners))
     while len(points) < count:
         _, edge = heapq.heappop(queue)
         middle = len(points)
@@ -43,19 +45,14 @@ def split_longest_edges(surface: Surface, count: int) -> Surface:
             corners = triangles.pop(number)
             for other in _edges(corners):
                 beside[other].discard(number)
-            k = next(k for k in range(3) if _opposite(corners, k) == edge)
-            apex, first, second = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
-            add(following, (apex, first, middle))
-            add(following + 1, (apex, middle, second))
-            following += 2
+            k = _edges(corners).index(edge)
+            apex, first, second = *corners[k:], *corners[:k]
+            add((apex, first, middle))
+            add((apex, middle, second))
     return Surface(np.array(points), np.array([triangles[k] for k in sorted(triangles)], dtype=np.int32))
 
 
-def _opposite(corners: tuple[int, int, int], k: int) -> Edge:
-    """The edge opposite to corner k, its smaller vertex first."""
-    a, b = corners[(k + 1) % 3], corners[(k + 2) % 3]
-    return (a, b) if a < b else (b, a)
-
-
-def _edges(corners: tuple[int, int, int]) -> list[Edge]:
-    return [_opposite(corners, k) for k in range(3)]
+def _edges(corners: tuple[int, ...]) -> list[Edge]:
+    """Those opposite to each corner."""
+    a, b, c = corners
+    return [(min(pair), max(pair)) for pair in ((b, c), (c, a), (a, b))]

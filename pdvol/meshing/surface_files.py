@@ -25,12 +25,8 @@ Result = TypeVar("Result")
 
 
 def read_surface(path: Path) -> tuple[Surface, list[str]]:
-    """The triangles of a file of `SURFACES`, in a child process; notes say which bytes and labels are left out.
-
-    Raises
-    ------
-    MeshError
-        It is unreadable, truncated, or holds no triangles.
+    """The triangles of a file of `SURFACES`, in a child process; notes say which bytes and labels are left out. It
+    raises MeshError where it is unreadable, truncated, or holds no triangles.
     """
     suffix = path.suffix.lower()
     readers = {".obj": read_obj, ".off": _off, ".stl": _stl, ".ply": read_ply}

@@ -83,27 +83,12 @@ def tetrahedralise(
     volume: float | None = None,
     flat: FlatFaces | None = None,
 ) -> SizedMesh:
-    """A tetrahedral mesh of about `target` vertices (see `edge_length`).
+    """A tetrahedral mesh of about `target` vertices (see `edge_length`) inside a valid surface, with its shells and
+    handles; `name` begins messages.
 
-    Its boundary is a valid surface with the shells and handles of the given one.
-
-    Parameters
-    ----------
-    surface : Surface
-        Valid (`check_surface`).
-    target : int
-    name : str, for messages
-    volume : float, optional
-        The mesh's volume [m^3], the surface's own if not given. A kept boundary has the latter.
-    flat : FlatFaces, optional
-        Faces of the input that the mesh keeps where its cells stay valid.
-
-    Raises
-    ------
-    UnreachableCount
-        Meshes of the surface have other numbers of vertices.
-    MeshError
-        No such mesh was found within `MAX_ATTEMPTS`.
+    It has a `volume` [m^3], the surface's own if not given, and keeps the `flat` faces of the input where its cells
+    stay valid. It raises UnreachableCount where meshes of the surface have other numbers of vertices, and MeshError
+    where no mesh was found within `MAX_ATTEMPTS`.
     """
 
     def make(part: Surface, count: int, what: str) -> SizedMesh:
@@ -122,10 +107,7 @@ def in_parts(make: Callable[[Surface, int, str], SizedMesh], surface: Surface, t
     """The meshes that `make(part, count, name)` gives for each shell of a surface, in one set of arrays. A mesher of
     all would also fill the space between them, and refine where they are near each other.
 
-    Raises
-    ------
-    UnreachableCount, MeshError
-        As `make`; the surface encloses no volume, or has more shells than the count allows.
+    It raises as `make` does, and where the surface encloses no volume or has more shells than the count allows.
     """
     own, area = volume_and_area(surface)
     if own <= 0:
@@ -209,11 +191,8 @@ def with_volume_checked(
 ) -> SizedMesh:
     """The mesh with a volume [m^3] by the gentlest change (`with_volume`) that leaves it valid.
 
-    Raises
-    ------
-    MeshError
-        None does: the worst cell has a quality below `least`, the boundary crosses itself, or its shells and Euler
-        number are not those `wanted`.
+    It raises MeshError where none does: the worst cell has a quality below `least`, the boundary crosses itself, or its
+    shells and Euler number are not those `wanted`.
     """
     refused = MeshError(name)
     for moved in with_volume(points, cells, volume, flat):

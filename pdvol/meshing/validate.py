@@ -154,13 +154,8 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
 
 
 def check_surface(surface: Surface, name: str = "surface", closed: bool = True) -> Surface:
-    """The surface made fit to be meshed: unused vertices dropped, a shell turned wholly inside out turned back.
-
-    Parameters
-    ----------
-    surface : Surface
-    name : str, for messages
-    closed : whether open edges are an error
+    """The surface made fit to be meshed: unused vertices dropped, a shell turned wholly inside out turned back. Open
+    edges are an error where it must be `closed`.
 
     Raises
     ------
@@ -253,14 +248,8 @@ def check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
 
 
 def check_outline(outline: Outline, name: str = "outline", closed: bool = True) -> Outline:
-    """The outline, anticlockwise where it is closed.
-
-    Raises
-    ------
-    MeshError
-        Too few points, NaN coordinates, a repeated point.
-    IntersectionError
-        It crosses or touches itself.
+    """The outline, anticlockwise where it is closed. It raises MeshError for too few points, NaN coordinates or a
+    repeated point, and IntersectionError where it crosses or touches itself.
     """
     points = np.asarray(outline.points, dtype=np.float64)
     n, least = len(points), 3 if closed else 2

@@ -170,12 +170,8 @@ def _collects(path: Path) -> bool:
 
 
 def read_pair(path: Path) -> tuple[Solid, list[str]]:
-    """The mesh of a pair of files, of which either is named, and notes; cells by their corners.
-
-    Raises
-    ------
-    MeshError
-        The other file is missing, or a file does not hold what it promises.
+    """The mesh of a pair of files, of which either is named, and notes; cells by their corners. It raises MeshError
+    where the other file is missing, or a file does not hold what it promises.
     """
     nodes, elements = (path.with_suffix(suffix) for suffix in PAIR)
     for file in (nodes, elements):
