@@ -9,7 +9,6 @@ from contextlib import suppress
 
 import igl
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
@@ -18,7 +17,7 @@ from pdvol.geometry.distances import box_of, deviation
 from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.child_process import in_child
-from pdvol.meshing.holes import filled_holes
+from pdvol.meshing.holes import ON_AN_EDGE, divided_edges, filled_holes, near_seam
 from pdvol.meshing.meshers import united
 from pdvol.meshing.validate import (
     FLAT_SIMPLEX,
@@ -47,10 +46,6 @@ UNCHANGED = 1e-6
 """Distance in diagonals, or relative volume, up to which two shapes count as the same: round-off of a file in text."""
 PARTED = 1e-3
 """Share of its way to its neighbours by which each copy of a split vertex moves: the copies must not touch."""
-ON_AN_EDGE = 1e-6
-"""Distance in diagonals up to which a vertex lies on an edge: round-off of single precision."""
-NEAR_RIM = 0.1
-"""Distance of two vertices of open edges, relative to these edges, below which they may have been one."""
 MOST_FLIPS = 10
 """Rounds in which edges are turned against triangles without area; one is enough for polygons cut in fans."""
 
@@ -96,7 +91,8 @@ def repair(
         after = mended.vertices, mended.cells.astype(np.int64)
     else:
         _check_left(cells, name)
-        cells = _divided(points, cells, max(weld, ON_AN_EDGE) * _diagonal(points), done)
+        cells, count = divided_edges(points, cells, max(weld, ON_AN_EDGE) * _diagonal(points))
+        _say(done, count, "{} open edges divided where the other side is")
         mended = _uncrossed(_surface(points, cells, hole, name, done), hole, envelope, name, done)
         after = mended.vertices, mended.triangles.astype(np.int64)
     if done and before[0].shape[1] == 3:
@@ -165,44 +161,17 @@ def _solid(points: np.ndarray, cells: np.ndarray, regions: np.ndarray, name: str
     return Solid(points, cells.astype(np.int32), regions.astype(np.int32))
 
 
-def _divided(points: np.ndarray, triangles: np.ndarray, distance: float, done: list[str]) -> np.ndarray:
-    """Triangles at open edges, divided at other vertices of open edges that lie nearer than `distance` [m]: where only
-    one of two sides divides an edge, both then do.
-    """
-    divided = 0
-    for _ in range(3):  # each edge of a triangle
-        rim, kept, more = np.unique(open_edges(triangles)), np.ones(len(triangles), dtype=bool), list[tuple]()
-        tree = cKDTree(points[rim])
-        for a, b in open_edges(triangles):
-            along = points[b] - points[a]
-            reach = np.linalg.norm(along) / 2 - 2 * distance  # ends and what lies at them are left out
-            near = rim[tree.query_ball_point((points[a] + points[b]) / 2, max(reach, 0.0))]
-            (t,) = np.flatnonzero((triangles == a).any(axis=1) & (triangles == b).any(axis=1))
-            near = near[~np.isin(near, triangles[t])]
-            share = (points[near] - points[a]) @ along / (along @ along)
-            on = np.linalg.norm(points[near] - points[a] - share[:, None] * along, axis=1) <= distance
-            if on.any() and kept[t]:
-                k = np.flatnonzero(~np.isin(triangles[t], (a, b)))[0]
-                c, first, _ = np.roll(triangles[t], -k)
-                chain = [a, *near[on][np.argsort(share[on])], b][:: 1 if first == a else -1]
-                more += [(c, *pair) for pair in zip(chain, chain[1:], strict=False)]
-                kept[t], divided = False, divided + 1
-        if kept.all():
-            break
-        triangles = np.vstack([triangles[kept], np.array(more, dtype=np.int64)])
-    _say(done, divided, "{} open edges divided where the other side is")
-    return triangles
-
-
 def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, name: str, done: list[str]) -> Surface:
     triangles = _without_flat(points, triangles, done)
     _check_left(triangles, name)
+    size = _diagonal(points)
+    seam = near_seam(points, triangles, size)
+    if seam and len(open_edges(triangles)) > len(triangles):
+        raise MeshError(f"{name}: most of its triangles are not joined to others; {seam}")
     triangles = _oriented(triangles, name, done)
     points, triangles = _split(points, triangles, done)
-    size = _diagonal(points)
-    seam = _seam(points, triangles)
     points, triangles, starts, rims = filled_holes(points, triangles)
-    triangles = _without_sheets(points, triangles, name, seam, done)
+    triangles = _without_sheets(points, triangles, name, done)
     rims = rims[np.isin(starts, triangles)]
     wide = rims[rims > hole * size] / size
     if len(wide):
@@ -216,24 +185,7 @@ def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, name: str, 
     return Surface(points, triangles.astype(np.int32))
 
 
-def _seam(points: np.ndarray, triangles: np.ndarray) -> str:
-    """Advice where the vertices of open edges mostly lie much nearer to others than these edges are long."""
-    edges = open_edges(triangles)
-    rim, index = np.unique(edges, return_inverse=True)
-    if len(rim) < 2:
-        return ""
-    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
-    least = np.full(len(rim), np.inf)
-    np.minimum.at(least, index.reshape(-1, 2), lengths[:, None])
-    gaps = cKDTree(points[rim]).query(points[rim], k=2)[0][:, 1]
-    near = gaps < NEAR_RIM * least
-    if 2 * near.sum() <= len(rim):
-        return ""
-    share = 2.0 * gaps[near].max() / _diagonal(points)
-    return f"--weld {share:.1g} joins vertices of open edges that lie near each other"
-
-
-def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, seam: str, done: list[str]) -> np.ndarray:
+def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, done: list[str]) -> np.ndarray:
     """Triangles of closed shells without those of shells that enclose nothing; MeshError where these are no crumbs."""
     owner, first = shells(points, triangles)
     areas = facet_sizes(points, triangles)
@@ -248,7 +200,7 @@ def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, seam: 
         place = ", ".join(f"{x:.3g}" for x in points[triangles[sheets]].mean(axis=(0, 1)))
         remedy = "give it thickness" if flat.all() else "remove it, or give it thickness"
         part = "" if flat.all() else f" about ({place}), {100 * share:.2g} % of the surface,"
-        raise MeshError(f"{name}: a sheet without thickness{part} encloses no volume; {seam or remedy}")
+        raise MeshError(f"{name}: a sheet without thickness{part} encloses no volume; {remedy}")
     _say(done, flat.sum(), f"{{}} sheets that enclose nothing dropped, {100 * share:.2g} % of the area")
     return triangles[~sheets]
 
