@@ -54,22 +54,11 @@ for a level's count takes from none to a third of them away.
 
 
 def build_levels(scene: Scene, count: int | None = None, cache: Path | None = None) -> tuple[LevelMesh, ...]:
-    """The meshes of a scene's levels, coarsest first.
+    """The meshes of a scene's levels, coarsest first: only the first `count`, which are the same as in the full
+    hierarchy. The mesh cache is the folder `cache`, `cache.default_folder()` if not given.
 
-    Parameters
-    ----------
-    scene : Scene
-    count : int, optional
-        Only the first (coarsest) so many levels; they are the same as in the full hierarchy.
-    cache : Path, optional
-        Folder of the mesh cache, `cache.default_folder()` if not given.
-
-    Raises
-    ------
-    InputError
-        A shape is missing, unreadable or invalid; the message of one line names the body.
-    LevelError
-        No mesh came out for a level; all bodies have one for each coarser level.
+    It raises InputError where a shape is missing, unreadable or invalid, with a message of one line that names the
+    body; LevelError where no mesh came out for a level: all bodies have one for each coarser level.
     """
     levels = scene.levels if count is None else min(count, scene.levels)
     if levels < 1:

@@ -50,14 +50,8 @@ class UnreachableCount(MeshError):
 
 @dataclass(frozen=True, eq=False)
 class SizedMesh:
-    """A mesh that was made from an input.
-
-    Attributes
-    ----------
-    points : (n, d) float64 [m]
-    cells : (m, d + 1) int64
-    places : (n, d) float64 [m]
-        Point of the input that each point stands for: where it was before the mesh got the input's volume.
+    """A mesh that was made from an input: points (n, d) float64 [m], cells (m, d + 1) int64, and the `places` (n, d)
+    [m] of the input that the points stand for: where they were before the mesh got the input's volume.
     """
 
     points: np.ndarray

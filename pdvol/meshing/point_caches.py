@@ -29,14 +29,9 @@ CACHES_KEPT = 8  # read caches that are kept: each level and each support asks f
 class Frames:
     """The points of an animation at its frames, in the scene.
 
-    Attributes
-    ----------
-    times : (k,) ascending [s]
-    points : (k, n, d)
-        As the source has them, single or double precision; `placement` puts them into the scene.
-    faces : (f, 3) or (f, 2) int64
-        Triangles in 3D, edges in 2D; none where the source has none.
-    placement : Placement
+    Its `times` (k,) ascend [s]. `points` (k, n, d) are as the source has them, single or double precision; `placement`
+    puts them into the scene. `faces` (f, 3) int64 are triangles in 3D, (f, 2) edges in 2D, none where the source has
+    none.
     """
 
     times: np.ndarray
@@ -61,12 +56,8 @@ class Frames:
 
 @lru_cache(maxsize=CACHES_KEPT)
 def read_frames(cache: PointCache) -> Frames:
-    """The frames of a point cache. Not collective.
-
-    Raises
-    ------
-    InputError
-        The file is missing, truncated or damaged, or faces do not fit the points.
+    """The frames of a point cache. Not collective. It raises InputError where the file is missing, truncated or
+    damaged, or faces do not fit the points.
     """
     if not isinstance(cache.source, (str, Path)):
         points = np.asarray(cache.source)

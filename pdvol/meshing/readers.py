@@ -87,12 +87,8 @@ def read_with_notes(
     `Surface`. Vertices of an open surface that are exactly the same are welded, unless `weld` is False. Quadratic cells
     are read by their corners. Of a series in an XDMF or PVD file `step` is read: 0 is the first one, -1 the last.
 
-    Raises
-    ------
-    InputError
-        The file is missing, of an unknown kind, or of one that has no steps.
-    MeshError
-        It is unreadable, truncated or empty, or has no such step.
+    It raises InputError where the file is missing, of an unknown kind, or of one that has no steps, and MeshError where
+    it is unreadable, truncated or empty, or has no such step.
     """
     if isinstance(shape, (Outline, Surface, Solid)):
         return shape, []

@@ -55,18 +55,11 @@ def repair(
 ) -> tuple[Surface | Solid, list[str]]:
     """The mended shape, and a line for each thing that was done, the last one a comparison with the given shape.
 
-    Parameters
-    ----------
-    weld : distance in diagonals up to which vertices are joined
-    hole : length of a hole's rim in diagonals up to which it is filled
-    envelope : distance in diagonals by which a surface may move where shells are united; 0: leave crossings
-    name : for messages
+    In diagonals: vertices are joined up to a distance `weld`, holes with rims up to `hole` filled, and surfaces moved
+    by up to `envelope` where shells are united, 0 leaves crossings. `name` begins messages.
 
-    Raises
-    ------
-    MeshError
-        The shape is an outline, is empty, nothing is left of it, it has an opening wider than `hole`, or sheets that
-        enclose nothing.
+    It raises MeshError where the shape is an outline or empty, nothing is left of it, or it has an opening wider than
+    `hole`, a part of one side, or sheets that enclose nothing.
     """
     if isinstance(shape, Outline):
         raise MeshError(f"{name}: an outline; repair mends surfaces and volume meshes")

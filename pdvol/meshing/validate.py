@@ -285,12 +285,8 @@ def signed_area(points: np.ndarray) -> float:
 def check_solid(solid: Solid, name: str = "mesh") -> Solid:
     """The solid with its unused vertices dropped and, if all its cells are numbered the other way round, turned.
 
-    Raises
-    ------
-    InvertedCellError
-        Inverted or flat cells; `cells` names them.
-    MeshError
-        NaN coordinates, indices out of range, duplicate cells.
+    It raises InvertedCellError for inverted or flat cells, which `cells` names, and MeshError for NaN coordinates,
+    indices out of range or duplicate cells.
     """
     points, cells = _check_arrays(name, solid.vertices, solid.cells, "cells", (2, 3))
     dim = points.shape[1]

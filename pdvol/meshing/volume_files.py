@@ -36,12 +36,8 @@ _LABELS = (
 
 def read_volume(path: Path, step: int = 0) -> tuple[Solid | Surface, list[str]]:
     """The mesh of a file of `VOLUMES` or `VTK_ONLY`, and notes: a `Solid` of its tetrahedra, or of triangles that all
-    lie at one z; a `Surface` of other triangles. Of a file of `SERIES` at a `step`.
-
-    Raises
-    ------
-    MeshError
-        It is unreadable, or holds neither tetrahedra nor triangles, or other solids, or has no such step.
+    lie at one z; a `Surface` of other triangles. Of a file of `SERIES` at a `step`. It raises MeshError where the file
+    is unreadable, holds neither tetrahedra nor triangles, or other solids, or has no such step.
     """
     suffix = path.suffix.lower()
     others: tuple[Callable[[Path], meshio.Mesh], ...] = _with_meshio, _with_vtk

@@ -27,12 +27,8 @@ def first_of(count: int, step: int) -> list[str]:
 
 def read_xdmf(path: Path, step: int = 0) -> "meshio.Mesh":
     """The first grid with points and cells, or all that lie beside it in a collection: of a time series the given step.
-    Mesh tags of dolfinx, which are grids that use the points of another one, become the cell data `mesh_tags`.
-
-    Raises
-    ------
-    MeshError
-        The file with the data is missing, or there is no such step.
+    Mesh tags of dolfinx, which are grids that use the points of another one, become the cell data `mesh_tags`. It
+    raises MeshError where the file with the data, or the step, is missing.
     """
     root = parse(path).getroot()
     steps = next(filter(None, map(_steps, root.findall("Domain/Grid"))), None)

@@ -340,9 +340,8 @@ def test_files_of_vtk(tmp_path, name):
 
 def test_a_flat_mesh_at_one_y_says_how_to_turn_it(tmp_path):
     grid(5, SHELL[1:2]).save(tmp_path / "side.vtu")
-    assert read_with_notes(tmp_path / "side.vtu")[1] == [
-        "all of it lies at one x or y; for a scene in 2D turn it, so that it lies at one z"
-    ]
+    (note,) = read_with_notes(tmp_path / "side.vtu")[1]
+    assert note == "all of it lies at one x or y; for a scene in 2D turn it, so that it lies at one z"
 
 
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu"])

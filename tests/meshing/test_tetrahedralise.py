@@ -53,12 +53,6 @@ def test_300_vertices_of_shared_surfaces(name):
     assert hausdorff_distance(points, facets, surface.vertices, surface.triangles) < 0.025 * diagonal
 
 
-def test_the_same_input_gives_the_same_mesh():
-    first, second = (tetrahedralise(meshes.bar(1.0, 0.2, 0.2, 0.1), 200) for _ in range(2))
-    assert np.array_equal(first.points, second.points)
-    assert np.array_equal(first.cells, second.cells)
-
-
 def test_two_parts_stay_two():
     a, b = meshes.box(), meshes.box()
     both = Surface(
@@ -111,6 +105,5 @@ def test_few_vertices_take_few_points_around_the_shape(monkeypatch):
     monkeypatch.setattr(tetrahedra, "ftetwild", kept)
     before = cpu_budget._used()
     assert 10 <= len(tetrahedralise(meshes.box(), 20).points) <= 40
-    assert (
-        max(lengths) <= tetrahedra.LONGEST_EDGE * (1 + 1e-12) and cpu_budget._used() - before < 15.0
-    )  # once 13 s each
+    assert max(lengths) <= tetrahedra.LONGEST_EDGE * (1 + 1e-12)
+    assert cpu_budget._used() - before < 15.0, "once 13 s each"

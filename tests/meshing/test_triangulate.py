@@ -46,14 +46,8 @@ def test_a_hole_stays_a_hole():
         triangulate([outer, hole + 5.0], 100)
 
 
-def test_the_same_input_gives_the_same_mesh():
-    first, second = (triangulate([SHAPES["comb"].points], 150) for _ in range(2))
-    assert np.array_equal(first.points, second.points)
-    assert np.array_equal(first.cells, second.cells)
-
-
 def test_loops_that_meet_are_refused():
-    # A bow tie of two triangles that share one vertex.
+    """A bow tie of two triangles that share one vertex."""
     points = np.array([[0.0, 0], [-1, 1], [-1, -1], [1, -1], [1, 1]])
     facets, _ = boundary_facets(np.array([[0, 1, 2], [0, 3, 4]]))
     with pytest.raises(MeshError, match="meets itself in a vertex"):
