@@ -61,10 +61,9 @@ def large_file(tmp_path_factory):
 
 def test_a_mesher_ends_with_the_budget_of_its_command():
     before = time.process_time()
-    with pytest.raises(BudgetSpent, match="not done within the 0.5 s of processor time") as caught:
-        with cpu_budget.cpu_budget(seconds=0.5), Child() as child:
-            child.call("mesher", endless, cpu_seconds=60.0)
-    assert "\n" not in str(caught.value)
+    said = "^[^\n]*not done within the 0.5 s of processor time[^\n]*$"
+    with pytest.raises(BudgetSpent, match=said), cpu_budget.cpu_budget(seconds=0.5), Child() as child:
+        child.call("mesher", endless, cpu_seconds=60.0)
     assert time.process_time() - before < 0.5, "it was the child's time"
 
 
@@ -121,11 +120,9 @@ def test_every_command_on_a_mesh_has_a_budget(tmp_path, monkeypatch, large_file,
 
 
 def test_a_reader_ends_with_the_budget(tmp_path):
-    file = tmp_path / "any.obj"
-    file.write_text("v 0 0 0\n")
-    with pytest.raises(BudgetSpent, match="any.obj: not done within the 0.5 s"):
-        with cpu_budget.cpu_budget(seconds=0.5):
-            read_in_child_process(file, endless)
+    (tmp_path / "any.obj").write_text("v 0 0 0\n")
+    with pytest.raises(BudgetSpent, match="any.obj: not done within the 0.5 s"), cpu_budget.cpu_budget(seconds=0.5):
+        read_in_child_process(tmp_path / "any.obj", endless)
 
 
 def test_a_child_takes_the_lower_one_of_its_limits():

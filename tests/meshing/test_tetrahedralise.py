@@ -22,9 +22,10 @@ from pdvol.meshing.validate import check_surface, drop_unused
 SURFACES = Path(__file__).parents[2].parent / "shared" / "meshes" / "surfaces"
 
 
-@pytest.mark.parametrize(
-    ("surface", "target"), [(meshes.ball(1.0, 2), 150), (meshes.bar(1.0, 0.2, 0.2, 0.1), 200)], ids=["ball", "bar"]
-)
+SOLIDS = [(meshes.ball(1.0, 2), 150), (meshes.bar(1.0, 0.2, 0.2, 0.1), 200)]
+
+
+@pytest.mark.parametrize(("surface", "target"), SOLIDS, ids=["ball", "bar"])
 def test_a_mesh_of_the_wanted_size(surface, target):
     mesh = tetrahedralise(surface, target)
     assert abs(len(mesh.points) / target - 1.0) <= ACCEPTED_DEVIATION
