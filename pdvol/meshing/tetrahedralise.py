@@ -12,7 +12,7 @@ import numpy as np
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.flat_faces import FlatFaces
-from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
+from pdvol.geometry.level_mesh import boundary_facets, facet_sizes, simplex_volumes
 from pdvol.meshes import Surface
 from pdvol.meshing.decimate import decimate, topology
 from pdvol.meshing.edge_length import (
@@ -27,7 +27,7 @@ from pdvol.meshing.edge_length import (
 )
 from pdvol.meshing.meshers import ftetwild
 from pdvol.meshing.subdivide import split_longest_edges
-from pdvol.meshing.validate import check_surface, drop_unused
+from pdvol.meshing.validate import check_surface, drop_unused, shells
 from pdvol.meshing.volume import with_volume
 
 ENVELOPE_WIDTH = 0.1
@@ -118,11 +118,8 @@ def in_parts(make: Callable[[Surface, int, str], SizedMesh], surface: Surface, t
     h = edge_length(target, own, area, 3)
     fractions = [max(round(expected_vertices(h, *volume_and_area(p), 3)[1]), LEAST_OF_A_PART) for p in parts]
     if sum(fractions) > CLOSEST_FACTOR * target:
-        raise UnreachableCount(
-            f"{name}: {target} vertices cannot be had, its {len(parts)} parts need {sum(fractions)}",
-            target,
-            sum(fractions),
-        )
+        few = f"{target} vertices are too few for its {len(parts)} parts"
+        raise MeshError(f"{name}: {few}; ask for {sum(fractions)} or more, or join parts")
     try:
         return _merged(
             [
@@ -212,11 +209,9 @@ def volume_and_area(surface: Surface) -> tuple[float, float]:
 
 def split_shells(surface: Surface) -> list[Surface]:
     """The shells of a surface, each on its own; the whole surface where some shell is a cavity of another."""
-    owner = connected_parts(surface.triangles, len(surface.vertices))
-    parts = []
-    for shell in np.unique(owner[surface.triangles[:, 0]]):
-        points, triangles = drop_unused(surface.vertices, surface.triangles[owner[surface.triangles[:, 0]] == shell])
-        parts.append(Surface(points, triangles.astype(np.int32)))
+    owner, first = shells(surface.vertices, surface.triangles)
+    alone = [drop_unused(surface.vertices, surface.triangles[owner == shell]) for shell in range(len(first))]
+    parts = [Surface(points, triangles.astype(np.int32)) for points, triangles in alone]
     return parts if all(enclosed_volume(part.vertices, part.triangles) > 0 for part in parts) else [surface]
 
 

@@ -198,6 +198,8 @@ def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
     with pytest.raises(UnreachableCount, match=r"x: 300 vertices .* all parts \(part 1 of 8: 38 vertices") as caught:
         tetrahedra.tetrahedralise(surface, 300, "x")
     assert 8 * 180 < caught.value.closest < 8 * 230
+    with pytest.raises(MeshError, match="x: 60 vertices are too few for its 8 parts; ask for 160 or more"):
+        tetrahedra.tetrahedralise(surface, 60, "x")
     assert len(tetrahedra.tetrahedralise(surface, caught.value.closest + 80, "x").points) == 8 * 4
 
 
