@@ -14,7 +14,7 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.flat_faces import FlatFaces
 from pdvol.geometry.level_mesh import boundary_facets, facet_sizes, simplex_volumes
 from pdvol.meshes import Surface
-from pdvol.meshing.decimate import decimate, topology
+from pdvol.meshing.decimate import decimate, split_longest_edges, topology
 from pdvol.meshing.edge_length import (
     BASE_CPU_SECONDS,
     CLOSEST_FACTOR,
@@ -26,7 +26,6 @@ from pdvol.meshing.edge_length import (
     mesh_of_target_size,
 )
 from pdvol.meshing.meshers import ftetwild
-from pdvol.meshing.subdivide import split_longest_edges
 from pdvol.meshing.validate import check_surface, drop_unused, shells
 from pdvol.meshing.volume import with_volume
 

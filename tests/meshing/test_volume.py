@@ -7,8 +7,7 @@ from pdvol import meshes
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import facet_sizes, simplex_volumes
-from pdvol.meshing.decimate import topology
-from pdvol.meshing.subdivide import split_longest_edges
+from pdvol.meshing.decimate import split_longest_edges, topology
 from pdvol.meshing.tetrahedralise import tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_surface, signed_area
