@@ -36,13 +36,13 @@ from pdvol.meshing.verdict import Boundary, check_place, judge, place_of
 from pdvol.scene import Body, Deforming, Rigid, Scene
 from pdvol.stages import say, stage
 
-BUILD_VERSION = 9
+BUILD_VERSION = 10
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape
-Labels: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""From points and cells to the region of each cell."""
 _LIBRARIES = ("pytetwild", "gmsh", "fast-simplification", "libigl", "numpy", "scipy")
+NEARBY_CELLS = 32
+"""Input cells that are tried for each new cell: those whose centroids are nearest."""
 SIDE_BY_SIDE = 2
 """Number of levels of a body that are made at once; each takes one core."""
 TRIED_COUNTS = 2
@@ -54,22 +54,11 @@ for a level's count takes from none to a third of them away.
 
 
 def build_levels(scene: Scene, count: int | None = None, cache: Path | None = None) -> tuple[LevelMesh, ...]:
-    """The meshes of a scene's levels, coarsest first.
+    """The meshes of a scene's levels, coarsest first: only the first `count`, which are the same as in the full
+    hierarchy. The mesh cache is the folder `cache`, `cache.default_folder()` if not given.
 
-    Parameters
-    ----------
-    scene : Scene
-    count : int, optional
-        Only the first (coarsest) so many levels; they are the same as in the full hierarchy.
-    cache : Path, optional
-        Folder of the mesh cache, `cache.default_folder()` if not given.
-
-    Raises
-    ------
-    InputError
-        A shape is missing, unreadable or invalid; the message of one line names the body.
-    LevelError
-        No mesh came out for a level; all bodies have one for each coarser level.
+    It raises InputError where a shape is missing, unreadable or invalid, with a message of one line that names the
+    body; LevelError where no mesh came out for a level: all bodies have one for each coarser level.
     """
     levels = scene.levels if count is None else min(count, scene.levels)
     if levels < 1:
@@ -102,10 +91,8 @@ def read_obstacle(obstacle: Rigid | Deforming) -> tuple[np.ndarray, np.ndarray, 
     """An obstacle at rest, placed: vertices (n, d) [m], edges (e, 2) int64, faces (f, 3) int64 (none in 2D). A mesh
     that a point cache brings has all vertices that faces use, in their order.
 
-    Raises
-    ------
-    InputError
-        It is missing, unreadable or invalid. Open surfaces and polylines are valid unless `obstacle.closed` is set.
+    It raises InputError where it is missing, unreadable or invalid. Open surfaces and polylines are valid unless
+    `obstacle.closed` is set.
     """
     name = f"obstacle {obstacle.name!r}"
     if isinstance(obstacle, Deforming) and obstacle.shape is None:
@@ -190,7 +177,6 @@ def _meshed(
     """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them; the coarsest is
     the body's level `first`.
     """
-    regions_of: Labels = Regions(check_solid(shape, name)) if isinstance(shape, Solid) else no_regions
     prepared = Lock()
     coarsened: list[Surface] = []
 
@@ -224,7 +210,7 @@ def _meshed(
         return {
             "points": sized.points,
             "cells": sized.cells.astype(np.int32),
-            "regions": regions_of(sized.points, sized.cells),
+            "regions": _regions(shape, sized.points, sized.cells, name),
             "places": sized.places,
         }
 
@@ -306,33 +292,19 @@ def _concatenate(scene: Scene, meshes: list[LevelMesh]) -> LevelMesh:
     )
 
 
-def no_regions(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Label 0 for every cell."""
-    return np.zeros(len(cells), dtype=np.int32)
-
-
-class Regions:
-    """The region of the input cell that contains a new cell's centroid; of the nearest by centroid where none of the
-    near ones does.
+def _regions(shape: Shape, points: np.ndarray, cells: np.ndarray, name: str) -> np.ndarray:
+    """(m,) int32 the region of the input cell that contains each new cell's centroid; of the nearest by centroid where
+    none of `NEARBY_CELLS` does. 0 of shapes that have none.
     """
-
-    NEARBY_CELLS = 32  # input cells tried per new cell: those whose centroids are nearest
-
-    def __init__(self, solid: Solid):
-        self.solid = solid
-        corners = solid.vertices[solid.cells]
-        self.tree = cKDTree(corners.mean(axis=1))
-        self.origins = corners[:, 0]
-        self.inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
-
-    def __call__(self, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        if (self.solid.regions == self.solid.regions[0]).all():
-            return np.full(len(cells), self.solid.regions[0], dtype=np.int32)
-        centroids = simplex_centres(points, cells)
-        near = self.tree.query(centroids, k=min(self.NEARBY_CELLS, len(self.solid.cells)))[1].reshape(len(cells), -1)
-        inner = np.einsum("ckij,ckj->cki", self.inverse[near], centroids[:, None] - self.origins[near])
-        # How far outside each near cell the centroid is; the first of the containing ones, else the nearest.
-        outside = np.maximum(-inner.min(axis=2), inner.sum(axis=2) - 1.0)
-        inside = outside <= 1e-9
-        pick = np.where(inside.any(axis=1), inside.argmax(axis=1), 0)
-        return self.solid.regions[near[np.arange(len(cells)), pick]].astype(np.int32)
+    solid = check_solid(shape, name) if isinstance(shape, Solid) else None
+    if solid is None or (solid.regions == solid.regions[0]).all():
+        return np.full(len(cells), 0 if solid is None else solid.regions[0], dtype=np.int32)
+    corners, centroids = solid.vertices[solid.cells], simplex_centres(points, cells)
+    near = cKDTree(corners.mean(axis=1)).query(centroids, k=min(NEARBY_CELLS, len(solid.cells)))[1]
+    near = near.reshape(len(cells), -1)
+    inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    inner = np.einsum("ckij,ckj->cki", inverse[near], centroids[:, None] - corners[near, 0])
+    # how far outside each near cell the centroid is
+    inside = np.maximum(-inner.min(axis=2), inner.sum(axis=2) - 1.0) <= 1e-9
+    pick = np.where(inside.any(axis=1), inside.argmax(axis=1), 0)
+    return solid.regions[near[np.arange(len(cells)), pick]].astype(np.int32)

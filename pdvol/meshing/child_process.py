@@ -35,14 +35,8 @@ class Child(Process):
         """The result of `function(*given)`; arguments as `Process.begin` has them, and `who` works, as messages name
         it. After an error other than an `InputError` of the function it has ended.
 
-        Raises
-        ------
-        InputError
-            As the function raised it.
-        ProcessFailed
-            The process crashed, or the function failed otherwise.
-        ProcessStopped
-            It waited without end, or used up its memory, its processor time, or that of the command (`BudgetSpent`).
+        ProcessFailed is raised where the process crashed, or the function failed otherwise; ProcessStopped where it
+        waited without end, or used up its memory, its processor time, or that of the command (`BudgetSpent`).
         """
         try:
             with Watch(self.process) as watch:

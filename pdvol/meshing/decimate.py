@@ -1,8 +1,10 @@
 """Quadric decimation (Garland and Heckbert 1997) of a closed surface that stays closed, manifold and free of
-self-intersections.
+self-intersections; and the splitting of longest edges of one whose triangles are too large for a level.
 """
 
+import heapq
 from collections.abc import Iterator
+from itertools import count as counted
 from threading import Lock
 
 import igl
@@ -25,6 +27,8 @@ AGGRESSION = 3.5
 """Exponent with which that limit grows; the library's own 7 doubles the distance from the input."""
 _SIMPLIFYING = Lock()
 """Held while fast-simplification works: it keeps its mesh in global variables, and levels are made side by side."""
+Edge = tuple[int, int]
+"""Its smaller vertex first."""
 
 
 def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
@@ -36,12 +40,7 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
     """The surface with about `target` vertices, its shells and handles kept; unchanged where it has no more than that.
 
     Several settings and libraries are tried until the result passes `check_surface`. Those that prevent intersections
-    are slower and come last.
-
-    Raises
-    ------
-    MeshError
-        No attempt passed.
+    are slower and come last. It raises MeshError where no attempt passed.
     """
     n = len(surface.vertices)
     if n <= target:
@@ -79,3 +78,50 @@ def _attempts(surface: Surface, target: int, euler: int) -> Iterator[tuple[np.nd
     for collapse in (igl.qslim, igl.decimate):
         made = collapse(np.asfortranarray(points), np.asfortranarray(triangles), max_m=faces, block_intersections=True)
         yield centre + size * made[0], made[1]
+
+
+def split_longest_edges(surface: Surface, count: int) -> Surface:
+    """The closed surface with `count` vertices: its longest edge is halved, with the two triangles at it, until it has
+    so many. Unchanged where it has them already.
+
+    Edges of one length are taken in the order of their vertices, so that the result is always the same.
+    """
+    if len(surface.vertices) >= count:
+        return surface
+    points = [np.asarray(p, dtype=np.float64) for p in surface.vertices]
+    triangles: dict[int, tuple[int, ...]] = {}
+    beside: dict[Edge, set[int]] = {}
+    queue, numbers = list[tuple[float, Edge]](), counted()
+    # lengths are compared to nine digits: those that differ by round-off alone are equal
+    digits = 9 - int(np.floor(np.log10(np.ptp(surface.vertices, axis=0).max())))
+
+    def add(corners: tuple[int, ...]) -> None:
+        number = next(numbers)
+        triangles[number] = corners
+        for edge in _edges(corners):
+            if edge not in beside:
+                length = float(np.linalg.norm(points[edge[0]] - points[edge[1]]))
+                heapq.heappush(queue, (-round(length, digits), edge))
+            beside.setdefault(edge, set()).add(number)
+
+    for corners in surface.triangles.tolist():
+        add(tuple(corners))
+    while len(points) < count:
+        _, edge = heapq.heappop(queue)
+        middle = len(points)
+        points.append(0.5 * (points[edge[0]] + points[edge[1]]))
+        for number in sorted(beside[edge]):
+            corners = triangles.pop(number)
+            for other in _edges(corners):
+                beside[other].discard(number)
+            k = _edges(corners).index(edge)
+            apex, first, second = *corners[k:], *corners[:k]
+            add((apex, first, middle))
+            add((apex, middle, second))
+    return Surface(np.array(points), np.array([triangles[k] for k in sorted(triangles)], dtype=np.int32))
+
+
+def _edges(corners: tuple[int, ...]) -> list[Edge]:
+    """Those opposite to each corner."""
+    a, b, c = corners
+    return [(min(pair), max(pair)) for pair in ((b, c), (c, a), (a, b))]

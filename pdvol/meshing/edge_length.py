@@ -22,7 +22,10 @@ MAX_ATTEMPTS = 6
 """Number of meshes after which the search ends with the closest."""
 FINER = 0.94
 """Factor on the edge length after a mesh that is not valid: about 15 % more vertices, which still suits the target."""
-
+LONGER, FEWER = 1.5, 0.9
+"""A search ends where edges longer by the first factor leave more than the second one of too many vertices: no longer
+edges give the target. Elsewhere they leave less than half.
+"""
 MORE_VERTICES = 2
 """Factor on a target for which no mesh is valid: edges a quarter shorter, which holes and thin walls often need."""
 
@@ -47,14 +50,8 @@ class UnreachableCount(MeshError):
 
 @dataclass(frozen=True, eq=False)
 class SizedMesh:
-    """A mesh that was made from an input.
-
-    Attributes
-    ----------
-    points : (n, d) float64 [m]
-    cells : (m, d + 1) int64
-    places : (n, d) float64 [m]
-        Point of the input that each point stands for: where it was before the mesh got the input's volume.
+    """A mesh that was made from an input: points (n, d) float64 [m], cells (m, d + 1) int64, and the `places` (n, d)
+    [m] of the input that the points stand for: where they were before the mesh got the input's volume.
     """
 
     points: np.ndarray
@@ -99,14 +96,9 @@ def mesh_of_target_size(
     """Call `make(scale, failures)` with edge-length factors until the number of points suits the target.
 
     `make` raises InputError for an invalid mesh; the next call then gets a `failures` that is larger by one.
-
-    Raises
-    ------
-    UnreachableCount
-        No mesh came within `CLOSEST_FACTOR` of the target, or none was valid: the message has the last failure. A
-        mesher that ran out of processor time is not called again; one that crashed is.
-    MeshError
-        The processor time of the command is used up.
+    UnreachableCount is raised where no mesh came within `CLOSEST_FACTOR` of the target, or none was valid: its message
+    has the last failure. A mesher that ran out of processor time is not called again; one that crashed is. MeshError is
+    raised where the processor time of the command is used up.
     """
     best: tuple[float, SizedMesh] | None = None
     reason, failures = "", 0
@@ -133,6 +125,10 @@ def mesh_of_target_size(
         if abs(len(made.points) / target - 1.0) <= ACCEPTED_DEVIATION:
             say(f"{len(made.points):,} vertices, {'1 try' if tried == 1 else f'{tried} tries'}")
             return made
+        if len(history) > 1 and off > 0:
+            longer, fewer = np.subtract(history[-1], history[-2])
+            if longer >= np.log(LONGER) and fewer > np.log(FEWER):
+                break
         scale = float(np.exp(_next_log_scale(history, dim)))
     if best is None:
         raise UnreachableCount(
@@ -140,7 +136,7 @@ def mesh_of_target_size(
         )
     n = len(best[1].points)
     if best[0] <= np.log(CLOSEST_FACTOR):
-        say(f"{n:,} vertices, the closest to {target:,} in {MAX_ATTEMPTS} tries")
+        say(f"{n:,} vertices, the closest to {target:,} in {tried} tries")
         return best[1]
     raise UnreachableCount(f"{name}: {target} vertices cannot be had, the closest mesh has {n}", target, n)
 

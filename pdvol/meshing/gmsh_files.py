@@ -14,12 +14,8 @@ if TYPE_CHECKING:
 
 
 def read_gmsh(path: Path) -> "meshio.Mesh":
-    """A mesh of Gmsh, of all files of a partitioned one. Cells are repeated for each of their physical groups.
-
-    Raises
-    ------
-    MeshError
-        Other parts of a partitioned mesh are missing.
+    """A mesh of Gmsh, of all files of a partitioned one. Cells are repeated for each of their physical groups. It
+    raises MeshError where other parts of a partitioned mesh are missing.
     """
     import meshio
 

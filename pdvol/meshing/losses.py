@@ -25,12 +25,12 @@ def lost_labels(labels: Sequence[str]) -> list[str]:
 
 
 def face_labels(path: Path) -> list[str]:
-    """Groups or else materials of an OBJ file's faces, where there are several; names of the whole numbers, other than
-    colours and flags, that each face of a PLY file has. None of other files.
+    """Groups or else materials of an OBJ file's faces, or solids of an STL file, where there are several; names of the
+    whole numbers, other than colours and flags, that each face of a PLY file has. None of other files.
     """
     data, found = path.read_bytes(), list[str]()
-    for word in ("g", "usemtl") if path.suffix.lower() == ".obj" else ():
-        names = re.findall(rf"^{word}[ \t]+(\S+)".encode(), data, re.MULTILINE)
+    for word in {".obj": ("g", "usemtl"), ".stl": ("solid",)}.get(path.suffix.lower(), ()):
+        names = re.findall(rf"^[ \t]*{word}[ \t]+(\S.*?)\s*$".encode(), data, re.MULTILINE)
         found = found or [name.decode("utf-8", "replace") for name in dict.fromkeys(names)] * (len(set(names)) > 1)
     if path.suffix.lower() == ".ply":
         faces = data.partition(b"end_header")[0].partition(b"element face")[2].partition(b"element")[0]

@@ -5,16 +5,13 @@ Little is imported here, as each of these processes imports it.
 
 import ctypes
 import os
-import subprocess
 import sys
 import tempfile
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from pdvol.errors import InputError
 from pdvol.meshing.child_process import Child
 
 STOP_ENERGY = 20.0
@@ -44,28 +41,19 @@ Mesh = tuple[np.ndarray, np.ndarray]
 def ftetwild(
     vertices: np.ndarray, triangles: np.ndarray, edge_length: float, epsilon: float, cpu_seconds: float
 ) -> Mesh:
-    """Points (n, 3) and tetrahedra (m, 4), of either orientation, of fTetWild's mesh inside a surface.
+    """Points (n, 3) and tetrahedra (m, 4), of either orientation, of fTetWild's mesh inside a surface of vertices (k,
+    3) [m] and triangles (t, 3).
 
-    Parameters
-    ----------
-    vertices, triangles : (k, 3) [m], (t, 3)
-    edge_length : [m]
-    epsilon : distance that the surface may move, relative to its diagonal
-    cpu_seconds : processor time [s] that the process may use
-
-    Raises
-    ------
-    InputError, MeshError, ProcessStopped
-        As `Child.call`; or there is no C compiler, or it fails.
+    It takes an edge length [m], the distance `epsilon` that the surface may move, relative to its diagonal, and the
+    processor time [s] that the process may use. It raises as `Child.call`, and InputError where no C compiler works.
     """
-    with tempfile.TemporaryDirectory(prefix="pdvol-mesh-") as folder:
-        library = None
-        if sys.platform.startswith("linux"):
-            library = Path(folder) / "fixed_random.so"
-            library.write_bytes(_seeded_random_device())
-        with Child(library) as child:
-            given = vertices, triangles.astype(np.int32), float(edge_length), float(epsilon), folder
-            return child.call("fTetWild", _ftetwild, *given, cpu_seconds=cpu_seconds)
+    from pdvol.compiled import kept
+
+    linux = sys.platform.startswith("linux")
+    library = kept("fixed-random-1", "compiling C code", _seeded_random_device) if linux else None
+    with tempfile.TemporaryDirectory(prefix="pdvol-mesh-") as folder, Child(library) as child:
+        given = vertices, triangles.astype(np.int32), float(edge_length), float(epsilon), folder
+        return child.call("fTetWild", _ftetwild, *given, cpu_seconds=cpu_seconds)
 
 
 def _ftetwild(vertices: np.ndarray, triangles: np.ndarray, edge_length: float, epsilon: float, folder: str) -> Mesh:
@@ -104,11 +92,8 @@ def gmsh_triangles(points: np.ndarray, starts: np.ndarray, parents: np.ndarray, 
     """Points (n, 2) [m] and Delaunay-frontal triangles (m, 3) of Gmsh with an edge length [m], the given boundary
     segments kept.
 
-    Parameters
-    ----------
-    points : (k, 2) all loops one after the other [m]
-    starts : (l + 1,) where each begins
-    parents : (l,) -1 for an outer loop, else the outer loop that a hole belongs to
+    All loops (k, 2) [m] stand one after the other, from `starts` (l + 1,) on; `parents` (l,) are -1 for an outer loop,
+    else the outer loop that a hole belongs to.
     """
     import gmsh
 
@@ -135,11 +120,8 @@ def gmsh_tetrahedra(
     """Points (n, 3) [m] and tetrahedra (m, 4), of either orientation, inside a closed surface that Gmsh has meshed anew
     with triangles of one edge length [m]. It raises where a part cannot be parametrised, or the new one crosses itself.
 
-    Parameters
-    ----------
-    vertices, triangles : (k, 3) [m], (t, 3). New vertices lie on these triangles.
-    patches : (t,) number of the patch that each triangle belongs to. Edges between patches stay.
-    sharp_angle : [rad] between the normals of two triangles, above which their edge stays
+    New vertices lie on the triangles (t, 3) of vertices (k, 3) [m]. Edges stay between the `patches` (t,) that
+    triangles belong to, and where the normals of two triangles make more than `sharp_angle` [rad].
     """
     import gmsh
 
@@ -193,24 +175,10 @@ def _generated(dim: int) -> Mesh:
     return coordinates.reshape(-1, 3), index[nodes.reshape(-1, dim + 1)]
 
 
-@cache
-def _seeded_random_device() -> bytes:
-    """The shared library compiled from `_SEEDED_RANDOM_DEVICE`.
+def _seeded_random_device(built: Path) -> None:
+    """Compile `_SEEDED_RANDOM_DEVICE` into a shared library."""
+    from pdvol.compiled import build  # the processes that import this module need none
 
-    Raises
-    ------
-    InputError
-        There is no C compiler, or it fails: without the library no mesh of fTetWild could be made a second time.
-    """
-    from pdvol.compiled import compiler  # the processes that import this module need none
-
-    words = compiler()
-    with tempfile.TemporaryDirectory(prefix="pdvol-compile-") as folder:
-        source, library = Path(folder) / "fixed_random.c", Path(folder) / "fixed_random.so"
-        source.write_text(_SEEDED_RANDOM_DEVICE)
-        command = [*words, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
-        try:
-            subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=True)
-        except (OSError, subprocess.CalledProcessError) as error:
-            raise InputError(f"the C compiler {words[0]} failed: {error}") from None
-        return library.read_bytes()
+    source = built.with_suffix(".c")
+    source.write_text(_SEEDED_RANDOM_DEVICE)
+    build([source], built)

@@ -29,14 +29,9 @@ CACHES_KEPT = 8  # read caches that are kept: each level and each support asks f
 class Frames:
     """The points of an animation at its frames, in the scene.
 
-    Attributes
-    ----------
-    times : (k,) ascending [s]
-    points : (k, n, d)
-        As the source has them, single or double precision; `placement` puts them into the scene.
-    faces : (f, 3) or (f, 2) int64
-        Triangles in 3D, edges in 2D; none where the source has none.
-    placement : Placement
+    Its `times` (k,) ascend [s]. `points` (k, n, d) are as the source has them, single or double precision; `placement`
+    puts them into the scene. `faces` (f, 3) int64 are triangles in 3D, (f, 2) edges in 2D, none where the source has
+    none.
     """
 
     times: np.ndarray
@@ -61,12 +56,8 @@ class Frames:
 
 @lru_cache(maxsize=CACHES_KEPT)
 def read_frames(cache: PointCache) -> Frames:
-    """The frames of a point cache. Not collective.
-
-    Raises
-    ------
-    InputError
-        The file is missing, truncated or damaged, or faces do not fit the points.
+    """The frames of a point cache. Not collective. It raises InputError where the file is missing, truncated or
+    damaged, or faces do not fit the points.
     """
     if not isinstance(cache.source, (str, Path)):
         points = np.asarray(cache.source)
@@ -77,7 +68,9 @@ def read_frames(cache: PointCache) -> Frames:
         if not path.is_file():
             raise InputError(no_file(path))
         try:
-            frames, points, faces = (_pc2 if path.suffix.lower() == ".pc2" else _mesh)(path, cache)
+            pc2 = path.suffix.lower() == ".pc2"
+            read = _pc2(path, cache) if pc2 else STUDIO["read_animation"](path, cache.prim, cache.fps)
+            frames, points, faces = read
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
         for number in range(len(points)):
@@ -95,12 +88,8 @@ def read_frames(cache: PointCache) -> Frames:
 
 def cached_surface(cache: PointCache, frame: int = 0) -> Surface | Outline:
     """A point cache's mesh at a frame, as a shape in the scene: the first frame is 0, the last one -1. In 2D points
-    without edges are a closed outline in their order.
-
-    Raises
-    ------
-    InputError
-        The cache cannot be read, there is no such frame, or its points have no faces.
+    without edges are a closed outline in their order. It raises InputError where the cache cannot be read, there is no
+    such frame, or its points have no faces.
     """
     frames = read_frames(cache)
     if not -len(frames.times) <= frame < len(frames.times):
@@ -136,11 +125,6 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
         what = "edges (f, 2)" if points.shape[2] == 2 else "triangles (f, 3)"
         raise InputError(f"PointCache.faces has the shape {faces.shape}; give {what}")
     return faces.reshape(-1, points.shape[2])
-
-
-def _mesh(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], points and triangles of meshes in a USD or Alembic file."""
-    return STUDIO["read_animation"](path, cache.prim, cache.fps)
 
 
 def _pc2(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,26 +10,18 @@ import numpy as np
 
 MOST_CORNERS = 200
 """Corners of a polygon that is no fan; the time to cut its ears grows with their square."""
+BRIDGE = 1e-4
+"""Distance, in longest sides, by which corners move inward where some repeat, as those of a bridge to a hole: VTK cuts
+no polygon that touches itself within 1e-6.
+"""
 SMALL_AREA = 1e-9
 """Area, relative to the square of the longest side, below which a fan's triangle counts as flat."""
 
 
 def cut_polygons(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
-    """Triangles of polygons with equally many corners each.
+    """Triangles (k, c - 2, 3) int64 of polygons (k, c) with equally many corners each, at points (n, 2) or (n, 3) [m].
 
-    Parameters
-    ----------
-    points : (n, 2) or (n, 3) [m]
-    polygons : (k, c) integer
-
-    Returns
-    -------
-    (k, c - 2, 3) int64
-
-    Raises
-    ------
-    ValueError
-        A polygon of more than `MOST_CORNERS` corners is no fan, or one has less than three.
+    It raises ValueError where a polygon of more than `MOST_CORNERS` corners is no fan, or one has less than three.
     """
     polygons = np.asarray(polygons, dtype=np.int64)
     count, corners = polygons.shape
@@ -54,7 +46,11 @@ def cut_polygons(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
     for k in np.flatnonzero(broken):
         if corners > MOST_CORNERS:
             raise ValueError(f"a polygon of {corners} corners is not convex, cut the mesh into triangles before")
-        ears = _ears_cut(place[k] / longest[k])
+        one = place[k] / longest[k]
+        ears = _ears_cut(one)
+        if ears is None and len(np.unique(one, axis=0)) < corners:
+            aside = np.cross(normals[k] / lengths[k], np.roll(one, -1, axis=0) - one)
+            ears = _ears_cut(one + BRIDGE * (aside + np.roll(aside, 1, axis=0)))
         if ears is not None:
             fans[k] = polygons[k][ears]
     return fans

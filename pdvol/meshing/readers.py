@@ -24,7 +24,7 @@ from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessFailed, check_budget
 from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter, no_file
 from pdvol.meshing.surface_files import SURFACES, first_that_reads, read_surface
-from pdvol.meshing.volume_files import PAIR, VOLUMES, VTK_ONLY, read_pair, read_volume
+from pdvol.meshing.volume_files import PAIR, SERIES, VOLUMES, VTK_ONLY, read_pair, read_volume
 from pdvol.meshing.weld import weld_open
 from pdvol.registry import STUDIO
 from pdvol.scene.point_caches import ALEMBIC_FILES, USD_FILES
@@ -52,12 +52,8 @@ def _end_idle() -> None:
 def read_in_child_process(path: Path, read: Callable, *given: Any, loads: str = "") -> Any:
     """The result of `read(path, *given)`, a function of a module's top level, which runs in a child process.
 
-    Raises
-    ------
-    MeshError
-        `read` crashed, hung, or exceeded the limit on processor time or memory for a file of this size.
-    InputError
-        As `read` raised it.
+    It raises InputError as `read` does, and MeshError where `read` crashed, hung, or exceeded the limit on processor
+    time or memory for a file of this size.
     """
     size = path.stat().st_size
     seconds, memory = BASE_SECONDS + size / BYTES_PER_SECOND, int(BASE_MEMORY + MEMORY_PER_BYTE * size)
@@ -77,26 +73,22 @@ def read_in_child_process(path: Path, read: Callable, *given: Any, loads: str = 
             _idle.append(child)
 
 
-def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surface | Solid:
+def read_shape(shape: str | Path | Outline | Surface | Solid, step: int = 0) -> Outline | Surface | Solid:
     """The shape of `read_with_notes`, without the notes."""
-    return read_with_notes(shape)[0]
+    return read_with_notes(shape, step=step)[0]
 
 
 def read_with_notes(
-    shape: str | Path | Outline | Surface | Solid, weld: bool = True
+    shape: str | Path | Outline | Surface | Solid, weld: bool = True, step: int = 0
 ) -> tuple[Outline | Surface | Solid, list[str]]:
     """The shape as arrays, and a line for each thing that reading has done to it; arrays are passed through.
 
     A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a
     `Surface`. Vertices of an open surface that are exactly the same are welded, unless `weld` is False. Quadratic cells
-    are read by their corners.
+    are read by their corners. Of a series in an XDMF or PVD file `step` is read: 0 is the first one, -1 the last.
 
-    Raises
-    ------
-    InputError
-        The file is missing or of an unknown kind.
-    MeshError
-        It is unreadable, truncated or empty.
+    It raises InputError where the file is missing, of an unknown kind, or of one that has no steps, and MeshError where
+    it is unreadable, truncated or empty, or has no such step.
     """
     if isinstance(shape, (Outline, Surface, Solid)):
         return shape, []
@@ -109,6 +101,8 @@ def read_with_notes(
         raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {', '.join(known)}{converter(path)}")
     if not path.is_file():
         raise InputError(no_file(path))
+    if step and suffix not in SERIES:
+        raise InputError(f"{path}: step = {step}, and only files of {', '.join(SERIES)} have steps; leave it out")
     try:
         with path.open("rb") as file:
             start = file.read(len(BYTE_ORDER_MARK))
@@ -123,11 +117,11 @@ def read_with_notes(
                 source.seek(len(BYTE_ORDER_MARK))
                 shutil.copyfileobj(source, target)
             try:
-                read, notes = _read(copy)
+                read, notes = _read(copy, 0)
             except MeshError as error:
                 raise MeshError(str(error).replace(str(copy), str(path))) from None
     else:
-        read, notes = _read(path)
+        read, notes = _read(path, step)
     check_budget(str(path))
     if weld and isinstance(read, Surface):
         read, welded = weld_open(read)
@@ -139,14 +133,8 @@ def read_numbered(file: str | Path, whose: str) -> tuple[np.ndarray, np.ndarray]
     """All vertices (n, d) of a file that a scene names, in the file's order, and the facets (f, d) int64 between them:
     triangles, or edges of a flat volume mesh. Of volume meshes these are the boundary.
 
-    Parameters
-    ----------
-    whose : the field that names it, as "PointCache.faces"; begins messages
-
-    Raises
-    ------
-    InputError
-        It is missing or unreadable, has no facets, or does not number its vertices, as STL.
+    `whose` is the field that names it, as "PointCache.faces". It raises InputError where the file is missing or
+    unreadable, has no facets, or does not number its vertices, as STL.
     """
     if Path(file).suffix.lower() == ".stl":
         raise InputError(f"{whose}: {file}: STL files do not number their vertices; export OBJ or PLY")
@@ -162,11 +150,13 @@ def read_numbered(file: str | Path, whose: str) -> tuple[np.ndarray, np.ndarray]
     return vertices, triangles
 
 
-def _read(path: Path) -> tuple[Surface | Solid, list[str]]:
+def _read(path: Path, step: int) -> tuple[Surface | Solid, list[str]]:
     suffix = path.suffix.lower()
     if suffix in SCENES:
         return STUDIO["read_still"](path)
     check_kind(path)
     if suffix in PAIR:
         return read_in_child_process(path, first_that_reads, read_pair)
-    return read_in_child_process(path, read_surface if suffix in SURFACES else read_volume, loads=LOADS.get(suffix, ""))
+    if suffix in SURFACES:
+        return read_in_child_process(path, read_surface)
+    return read_in_child_process(path, read_volume, step, loads=LOADS[suffix])

@@ -48,12 +48,8 @@ def remesh(surface: Surface, target: int, name: str = "surface") -> SizedMesh:
     """A tetrahedral mesh of about `target` vertices, with the volume, the flat faces and the sharp edges of a valid
     surface.
 
-    Raises
-    ------
-    Unsuited
-        A part of the surface cannot be parametrised, has detail finer than an edge, or gives poor cells.
-    UnreachableCount, MeshError
-        As `tetrahedralise`.
+    It raises Unsuited where a part of the surface cannot be parametrised, has detail finer than an edge, or gives poor
+    cells; UnreachableCount and MeshError as `tetrahedralise`.
     """
     return in_parts(_remeshed, surface, target, name)
 

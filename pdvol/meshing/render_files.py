@@ -24,19 +24,12 @@ _OPTIONS = re.compile(r"(-(mm +\S+ +\S+|[ost]( +[-+.\d]+){1,3}|[a-z]+ +\S+) +)+"
 
 def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) -> tuple[RenderSurface, str, list[str]]:
     """A surface with its texture coordinates; the picture that the file's materials name, empty if none; and what of
-    its materials is missing or not read, in lines.
+    its materials is missing or not read, in lines. `shape` is that of a `RenderMesh`; `name` begins the messages about
+    arrays.
 
-    Parameters
-    ----------
-    shape : as of a `RenderMesh`
-    name : begins the messages about arrays
-
-    Raises
-    ------
-    InputError
-        The file is missing, of an unknown kind, or holds no surface; or its materials name several pictures.
-    MeshError
-        It cannot be read, or its faces use vertices or texture coordinates that there are not.
+    It raises InputError where the file is missing, of an unknown kind, or holds no surface, or its materials name
+    several pictures; MeshError where it cannot be read, or its faces use vertices or texture coordinates that there are
+    not.
     """
     picture, lost = "", list[str]()
     if isinstance(shape, RenderSurface):
@@ -60,12 +53,8 @@ def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) 
 
 
 def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
-    """The bytes of a picture and the ending of its name.
-
-    Raises
-    ------
-    InputError
-        It is missing, unreadable or no picture of `PICTURES`.
+    """The bytes of a picture and the ending of its name. It raises InputError where it is missing, unreadable or no
+    picture of `PICTURES`.
     """
     path = Path(texture).expanduser()
     ending = path.suffix.lower()

@@ -17,7 +17,7 @@ from pdvol.geometry.distances import box_of, deviation
 from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.child_process import in_child
-from pdvol.meshing.holes import filled_holes
+from pdvol.meshing.holes import ON_AN_EDGE, divided_edges, filled_holes, near_seam
 from pdvol.meshing.meshers import united
 from pdvol.meshing.validate import (
     FLAT_SIMPLEX,
@@ -25,6 +25,7 @@ from pdvol.meshing.validate import (
     crossings_of,
     drop_unused,
     flat_triangles,
+    mixed_edges,
     repeated,
     shells,
     shells_around,
@@ -54,18 +55,11 @@ def repair(
 ) -> tuple[Surface | Solid, list[str]]:
     """The mended shape, and a line for each thing that was done, the last one a comparison with the given shape.
 
-    Parameters
-    ----------
-    weld : distance in diagonals up to which vertices are joined
-    hole : length of a hole's rim in diagonals up to which it is filled
-    envelope : distance in diagonals by which a surface may move where shells are united; 0: leave crossings
-    name : for messages
+    In diagonals: vertices are joined up to a distance `weld`, holes with rims up to `hole` filled, and surfaces moved
+    by up to `envelope` where shells are united, 0 leaves crossings. `name` begins messages.
 
-    Raises
-    ------
-    MeshError
-        The shape is an outline, is empty, nothing is left of it, it has an opening wider than `hole`, or sheets that
-        enclose nothing.
+    It raises MeshError where the shape is an outline or empty, nothing is left of it, or it has an opening wider than
+    `hole`, a part of one side, or sheets that enclose nothing.
     """
     if isinstance(shape, Outline):
         raise MeshError(f"{name}: an outline; repair mends surfaces and volume meshes")
@@ -89,6 +83,9 @@ def repair(
         mended = _solid(points, cells, regions[keep], name, done)
         after = mended.vertices, mended.cells.astype(np.int64)
     else:
+        _check_left(cells, name)
+        cells, count = divided_edges(points, cells, max(weld, ON_AN_EDGE) * _diagonal(points))
+        _say(done, count, "{} open edges divided where the other side is")
         mended = _uncrossed(_surface(points, cells, hole, name, done), hole, envelope, name, done)
         after = mended.vertices, mended.triangles.astype(np.int64)
     if done and before[0].shape[1] == 3:
@@ -160,9 +157,12 @@ def _solid(points: np.ndarray, cells: np.ndarray, regions: np.ndarray, name: str
 def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, name: str, done: list[str]) -> Surface:
     triangles = _without_flat(points, triangles, done)
     _check_left(triangles, name)
-    triangles = _oriented(triangles, done)
-    points, triangles = _split(points, triangles, done)
     size = _diagonal(points)
+    seam = near_seam(points, triangles, size)
+    if seam and len(open_edges(triangles)) > len(triangles):
+        raise MeshError(f"{name}: most of its triangles are not joined to others; {seam}")
+    triangles = _oriented(triangles, name, done)
+    points, triangles = _split(points, triangles, done)
     points, triangles, starts, rims = filled_holes(points, triangles)
     triangles = _without_sheets(points, triangles, name, done)
     rims = rims[np.isin(starts, triangles)]
@@ -171,7 +171,7 @@ def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, name: str, 
         rim, them = ("a rim", "it") if len(wide) == 1 else (f"{len(wide)} rims", "them")
         raise MeshError(
             f"{name}: open along {rim} of up to {wide.max():.3g} diagonals, longer than --hole {hole:g};"
-            f" --hole {np.ceil(100 * wide.max()) / 100:g} closes {them}"
+            f" {seam or f'--hole {np.ceil(100 * wide.max()) / 100:g} closes {them}'}"
         )
     _say(done, len(rims), "{} holes filled")
     points, triangles = drop_unused(points, _outward(points, triangles, done))
@@ -191,8 +191,9 @@ def _without_sheets(points: np.ndarray, triangles: np.ndarray, name: str, done: 
     share = areas[sheets].sum() / areas.sum()
     if share > MOST_SHEETS:
         place = ", ".join(f"{x:.3g}" for x in points[triangles[sheets]].mean(axis=(0, 1)))
+        remedy = "give it thickness" if flat.all() else "remove it, or give it thickness"
         part = "" if flat.all() else f" about ({place}), {100 * share:.2g} % of the surface,"
-        raise MeshError(f"{name}: a sheet without thickness{part} encloses no volume; give it thickness")
+        raise MeshError(f"{name}: a sheet without thickness{part} encloses no volume; {remedy}")
     _say(done, flat.sum(), f"{{}} sheets that enclose nothing dropped, {100 * share:.2g} % of the area")
     return triangles[~sheets]
 
@@ -222,10 +223,12 @@ def _without_flat(points: np.ndarray, triangles: np.ndarray, done: list[str]) ->
     return np.delete(triangles, flat, axis=0)
 
 
-def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
+def _oriented(triangles: np.ndarray, name: str, done: list[str]) -> np.ndarray:
     """Neighbouring triangles turned the same way; each connected part as most of it is."""
     turned, part = igl.bfs_orient(np.ascontiguousarray(triangles))[:2]
     turned = np.asarray(turned, dtype=np.int64)
+    if len(mixed_edges(turned)):
+        raise MeshError(f"{name}: a part has one side only, as a Moebius strip, and no inside; cut or remove it")
     changed = (turned != triangles).any(axis=1)
     most = (np.bincount(part, changed) > np.bincount(part) / 2)[part]
     turned[most], changed = turned[most][:, ::-1], changed ^ most
@@ -245,8 +248,13 @@ def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[
     for one, other in (edges.T, edges.T[::-1]):
         np.add.at(middles, one, places[other])
     middles /= np.bincount(edges.ravel(), minlength=len(places))[:, None]
-    places[copies] += PARTED * (middles - places)[copies]
-    return places, split
+    moved = places.copy()
+    moved[copies] += PARTED * (middles - places)[copies]
+    edges, crossed, _ = crossings_of(moved, split)  # of a cavity that meets its hull: both move the same way
+    part = connected_parts(split, len(places))
+    stay = np.isin(part, part[np.concatenate([edges.ravel(), split[crossed].ravel()])])
+    moved[stay] = places[stay]
+    return moved, split
 
 
 def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:

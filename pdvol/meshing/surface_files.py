@@ -1,10 +1,15 @@
-"""Triangles from files of surfaces, and from the blocks of meshio; polygons are cut."""
+"""Triangles from files of surfaces, and from the blocks of meshio; polygons are cut.
+
+PLY is read here, of any order of bytes: trimesh and meshio want equally many corners of all polygons.
+"""
 
 import re
+import struct
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -12,7 +17,6 @@ from pdvol.errors import MeshError
 from pdvol.meshes import Surface
 from pdvol.meshing.file_kinds import bytes_after_stl
 from pdvol.meshing.losses import face_labels, lost_labels
-from pdvol.meshing.ply_files import read_ply
 from pdvol.meshing.polygons import cut_faces, cut_polygons
 
 if TYPE_CHECKING:
@@ -22,15 +26,15 @@ SURFACES = (".obj", ".ply", ".off", ".stl")
 CORNERS = {"tetra": 4, "triangle": 3, "quad": 4}
 """Cells that are read, by the beginnings of their names, and how many of their nodes are corners: the first ones."""
 Result = TypeVar("Result")
+_NAMES = "char int8 uchar uint8 short int16 ushort uint16 int int32 uint uint32 float float32 double float64"
+LETTERS = dict(zip(_NAMES.split(), "bbBBhhHHiiIIffdd", strict=True))
+"""Letters of `struct` and numpy for PLY's types of numbers."""
+BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 def read_surface(path: Path) -> tuple[Surface, list[str]]:
-    """The triangles of a file of `SURFACES`, in a child process; notes say which bytes and labels are left out.
-
-    Raises
-    ------
-    MeshError
-        It is unreadable, truncated, or holds no triangles.
+    """The triangles of a file of `SURFACES`, in a child process; notes say which bytes and labels are left out. It
+    raises MeshError where it is unreadable, truncated, or holds no triangles.
     """
     suffix = path.suffix.lower()
     readers = {".obj": read_obj, ".off": _off, ".stl": _stl, ".ply": read_ply}
@@ -70,15 +74,9 @@ def indices(path: Path, cells: np.ndarray) -> np.ndarray:
 
 @dataclass
 class ObjText:
-    """The lines of an OBJ file that describe a surface.
-
-    Attributes
-    ----------
-    points : (n, 3) coordinates
-    faces : the corners of each polygon, numbered from 0
-    textures : as the file has it, the number of each corner's `vt` line, and how many of these came before the face
-    uvs : the words of each `vt` line
-    libraries, materials : files of materials, and the names that `usemtl` lines give
+    """The lines of an OBJ file that describe a surface: its `points` (n, 3), and the corners of each face, numbered
+    from 0. As the file has them: the number of each corner's `vt` line, with how many of these came before the face;
+    the words of each `vt` line (`uvs`); files of materials; and the names that `usemtl` lines give.
     """
 
     points: list[tuple[float, float, float]] = field(default_factory=list)
@@ -142,10 +140,69 @@ def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return points, index.reshape(-1, 3)
 
 
+def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles, polygons cut. Whatever comes after the promised data is left out; MeshError where there
+    are fewer.
+    """
+    data = path.read_bytes()
+    end = data.index(b"end_header") + len(b"end_header")
+    order, elements = "", list[tuple[str, int, list[tuple[str, ...]]]]()
+    for word, *rest in filter(None, map(str.split, data[:end].decode("latin-1").splitlines())):
+        if word == "format":
+            order = BYTE_ORDERS.get(rest[0], "")
+        elif word == "element":
+            elements.append((rest[0], int(rest[1]), []))
+        elif word == "property":  # its name, the letter of a list's length, and that of its numbers
+            kinds = [LETTERS[kind] if order else "d" for kind in rest[rest[0] == "list" : -1]]
+            elements[-1][2].append((rest[-1], *kinds))
+    if order:
+        end += len(re.match(rb"[ \t]*(\r\n|\n|\r|)", data[end:])[0])  # type: ignore[index]
+    else:  # a row is a line; its numbers become binary ones
+        lines = [line for line in data[end:].splitlines() if line.strip()]
+        words = b" ".join(lines[: sum(count for _, count, _ in elements)]).split()
+        data, end, order = np.array(words, dtype=float).tobytes(), 0, "="
+    found: dict[str, dict] = {}
+    for name, count, properties in elements:
+        if found.keys() >= {"vertex", "face"}:
+            break
+        found[name], end = _columns(data, end, order, count, properties)
+        held = min(map(len, found[name].values()), default=count)
+        if held < count:
+            lack = f"it promises {count:,} {'vertices' if name == 'vertex' else f'{name}s'} and holds {held:,}"
+            raise MeshError(f"{path}: truncated, {lack}; export the mesh again")
+    points = np.column_stack([np.ravel(found["vertex"][axis]) for axis in "xyz"]).astype(float)
+    if "face" not in found and "tristrips" in (name for name, _, _ in elements):
+        raise MeshError(f"{path}: its triangles are strips (tristrips), which are not read; export faces")
+    faces = found.get("face", {})
+    return points, cut_faces(points, faces.get("vertex_indices", faces.get("vertex_index", ())))
+
+
+def _columns(data: bytes, place: int, order: str, count: int, properties: list) -> tuple[dict[str, Any], int]:
+    """The rows of an element as columns by name, as many as there are, and the place behind them."""
+    if all(len(one) == 2 for one in properties):
+        row = np.dtype([(name, order + kind) for name, kind in properties])
+        table = np.frombuffer(data, row, min(count, (len(data) - place) // max(row.itemsize, 1)), place)
+        return {name: table[name] for name, _ in properties}, place + table.nbytes
+    rows = list[list[tuple]]()
+    with suppress(struct.error):  # the data end
+        while len(rows) < count:
+            found = []
+            for _, *kinds in properties:
+                numbers: tuple = (1,)
+                for kind in kinds:
+                    layout = f"{order}{int(numbers[0])}{kind}"
+                    numbers, place = struct.unpack_from(layout, data, place), place + struct.calcsize(layout)
+                found.append(numbers)
+            rows.append(found)
+    return {name: [row[i] for row in rows] for i, (name, *_) in enumerate(properties)}, place
+
+
 def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
     lines = (line.partition("#")[0].split() for line in path.read_text(errors="replace").splitlines())
     words = [line for line in lines if line]
-    header = words.pop(0)[1:] or words.pop(0)
+    if not words[0][0].isdigit():  # a word such as OFF or COFF, which may be left out
+        words[0] = words[0][1:]
+    header = words.pop(0) or words.pop(0)
     n, m = int(header[0]), int(header[1])
     if len(words) < n + m:
         raise ValueError(f"{n} vertices and {m} faces promised, {len(words)} lines found")

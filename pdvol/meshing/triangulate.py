@@ -26,20 +26,11 @@ COLLINEAR_TOLERANCE = 0.1
 
 
 def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> SizedMesh:
-    """A triangle mesh of about `target` vertices (see `edge_length`) with the area of the loops.
+    """A triangle mesh of about `target` vertices (see `edge_length`) with the area of the loops; `name` begins
+    messages.
 
-    Parameters
-    ----------
-    loops : list of (k, 2) float64
-        Closed polygons that do not cross, first point not repeated: anticlockwise around material, clockwise around
-        holes.
-    target : int
-    name : str, for messages
-
-    Raises
-    ------
-    MeshError
-        No such mesh was found within `MAX_ATTEMPTS`.
+    `loops` are closed polygons (k, 2) float64 [m] that do not cross, the first point not repeated: anticlockwise around
+    material, clockwise around holes. It raises MeshError where no mesh was found within `MAX_ATTEMPTS`.
     """
     content = sum(signed_area(loop) for loop in loops)
     boundary = sum(float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum()) for loop in loops)
@@ -59,33 +50,25 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
         negative = simplex_volumes(points, cells) < 0
         cells[negative] = cells[negative][:, [1, 0, 2]]
         for moved in with_volume(points, cells, content, flat):
-            if _is_valid(moved, cells):
+            if simplex_volumes(moved, cells).min() > 0.0 and not len(_crossings(moved, boundary_facets(cells)[0])):
                 return SizedMesh(moved, cells, points)
         raise MeshError(f"{name}: a mesh of {len(points)} vertices crosses itself; ask for more vertices")
 
     return mesh_of_target_size(make, target, name, 1.0, 2)
 
 
-def _is_valid(points: np.ndarray, cells: np.ndarray) -> bool:
-    edges, _ = boundary_facets(cells)
-    return bool(simplex_volumes(points, cells).min() > 0.0) and not len(
-        find_crossings(points, edges, np.empty((0, 3), dtype=np.int64))
-    )
+def _crossings(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Pairs (k, 2) of edges that cross."""
+    return find_crossings(points, edges, np.empty((0, 3), dtype=np.int64))
 
 
 def boundary_loops(points: np.ndarray, edges: np.ndarray, name: str) -> list[np.ndarray]:
-    """The closed polygons (k, 2) that a mesh's directed boundary edges (e, 2) form.
-
-    Raises
-    ------
-    MeshError
-        Loops meet in a vertex.
-    IntersectionError
-        They cross.
+    """The closed polygons (k, 2) that a mesh's directed boundary edges (e, 2) form. It raises MeshError where loops
+    meet in a vertex, and IntersectionError where they cross.
     """
     if len(np.unique(edges[:, 0])) < len(edges):
         raise MeshError(f"{name}: it meets itself in a vertex; split the mesh there")
-    pairs = find_crossings(points, edges, np.empty((0, 3), dtype=np.int64))
+    pairs = _crossings(points, edges)
     if len(pairs):
         a, b = (tuple(int(v) for v in edges[k]) for k in pairs[0])
         raise IntersectionError(
@@ -134,23 +117,18 @@ def _simplified(curve: np.ndarray, h: float) -> np.ndarray:
     """Indices of the points that a polyline keeps within `COLLINEAR_TOLERANCE` edge lengths."""
     if len(curve) < 3:
         return np.arange(len(curve))
-    return np.asarray(
-        igl.ramer_douglas_peucker(np.ascontiguousarray(curve), COLLINEAR_TOLERANCE * h)[1], dtype=np.int64
-    )
+    kept = igl.ramer_douglas_peucker(np.ascontiguousarray(curve), COLLINEAR_TOLERANCE * h)[1]
+    return np.asarray(kept, dtype=np.int64)
 
 
 def _resampled(loops: list[np.ndarray], h: float, name: str) -> list[np.ndarray]:
     """All loops at edge length `h`, finer where coarse ones would cross."""
     for _ in range(8):
         sampled = [resample(loop, h) for loop in loops]
-        if not len(_loop_crossings(sampled)):
+        if not len(_crossings(*polygons(sampled))):
             return sampled
         h *= 0.5
     raise IntersectionError(f"{name}: the outline crosses itself when coarsened; ask for more vertices")
-
-
-def _loop_crossings(loops: list[np.ndarray]) -> np.ndarray:
-    return find_crossings(*polygons(loops), np.empty((0, 3), dtype=np.int64))
 
 
 def polygons(loops: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -165,14 +143,9 @@ def _parents(loops: list[np.ndarray], name: str) -> np.ndarray:
     areas = np.array([signed_area(loop) for loop in loops])
     parents = np.full(len(loops), -1)
     for hole in np.flatnonzero(areas < 0):
-        around = [
-            k
-            for k in np.flatnonzero(areas > 0)
-            if igl.winding_number(loops[k], outline_edges(len(loops[k]), True), np.ascontiguousarray(loops[hole][:1]))[
-                0
-            ]
-            > 0.5
-        ]
+        place = np.ascontiguousarray(loops[hole][:1])
+        turns = {k: igl.winding_number(*polygons([loops[k]]), place)[0] for k in np.flatnonzero(areas > 0)}
+        around = [k for k, number in turns.items() if number > 0.5]
         if not around:
             raise MeshError(f"{name}: loop {hole} is a hole outside of everything; reverse it")
         parents[hole] = min(around, key=lambda k: areas[k])

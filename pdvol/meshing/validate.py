@@ -119,10 +119,17 @@ def _check_crossings(points: np.ndarray, facets: np.ndarray, name: str, what: st
         )
 
 
-def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True) -> None:
-    """Raise MeshError unless the triangles form a closed, consistently oriented 2-manifold."""
+def mixed_edges(triangles: np.ndarray) -> np.ndarray:
+    """Edges (e, 2) of two triangles that disagree on what is outside."""
     corners = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     edges, which, counts = counted_edges(triangles)
+    turns = np.bincount(which, weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
+    return edges[(counts == 2) & (turns != 0)]
+
+
+def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True) -> None:
+    """Raise MeshError unless the triangles form a closed, consistently oriented 2-manifold."""
+    edges, _, counts = counted_edges(triangles)
     if (counts > 2).any():
         heavy = some(edges[counts > 2])
         raise MeshError(
@@ -133,12 +140,10 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
             f"{name}: the surface is open along {int((counts == 1).sum())} edges, {some(edges[counts == 1])}; close"
             " the holes"
         )
-    turns = np.bincount(which, weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
-    mixed = np.flatnonzero((counts == 2) & (turns != 0))
+    mixed = mixed_edges(triangles)
     if len(mixed):
-        seams = some(edges[mixed])
         raise MeshError(
-            f"{name}: triangles disagree on what is outside across edges {seams}; recalculate the normals outward"
+            f"{name}: triangles disagree on what is outside across edges {some(mixed)}; recalculate the normals outward"
         )
     fans = igl.is_vertex_manifold(np.ascontiguousarray(triangles, dtype=np.int64))
     pinched = np.intersect1d(np.flatnonzero(~fans), triangles)
@@ -149,13 +154,8 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
 
 
 def check_surface(surface: Surface, name: str = "surface", closed: bool = True) -> Surface:
-    """The surface made fit to be meshed: unused vertices dropped, a shell turned wholly inside out turned back.
-
-    Parameters
-    ----------
-    surface : Surface
-    name : str, for messages
-    closed : whether open edges are an error
+    """The surface made fit to be meshed: unused vertices dropped, a shell turned wholly inside out turned back. Open
+    edges are an error where it must be `closed`.
 
     Raises
     ------
@@ -248,14 +248,8 @@ def check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
 
 
 def check_outline(outline: Outline, name: str = "outline", closed: bool = True) -> Outline:
-    """The outline, anticlockwise where it is closed.
-
-    Raises
-    ------
-    MeshError
-        Too few points, NaN coordinates, a repeated point.
-    IntersectionError
-        It crosses or touches itself.
+    """The outline, anticlockwise where it is closed. It raises MeshError for too few points, NaN coordinates or a
+    repeated point, and IntersectionError where it crosses or touches itself.
     """
     points = np.asarray(outline.points, dtype=np.float64)
     n, least = len(points), 3 if closed else 2
@@ -291,12 +285,8 @@ def signed_area(points: np.ndarray) -> float:
 def check_solid(solid: Solid, name: str = "mesh") -> Solid:
     """The solid with its unused vertices dropped and, if all its cells are numbered the other way round, turned.
 
-    Raises
-    ------
-    InvertedCellError
-        Inverted or flat cells; `cells` names them.
-    MeshError
-        NaN coordinates, indices out of range, duplicate cells.
+    It raises InvertedCellError for inverted or flat cells, which `cells` names, and MeshError for NaN coordinates,
+    indices out of range or duplicate cells.
     """
     points, cells = _check_arrays(name, solid.vertices, solid.cells, "cells", (2, 3))
     dim = points.shape[1]

@@ -27,17 +27,10 @@ Boundary: TypeAlias = Surface | list[np.ndarray]
 
 
 def judge(shape: Shape, name: str) -> tuple[Shape, Boundary, list[str]]:
-    """A shape made fit to be a body, its boundary, and notes.
+    """A shape, as it was read, made fit to be a body; its boundary; and notes. `name` is that of the body or file.
 
-    Parameters
-    ----------
-    shape : as it was read
-    name : of the body or file, for messages
-
-    Raises
-    ------
-    MeshError, IntersectionError
-        As `check_outline`, `check_surface` and `check_solid`; a solid's boundary is checked as a surface is.
+    It raises MeshError and IntersectionError as `check_outline`, `check_surface` and `check_solid` do; a solid's
+    boundary is checked as a surface is.
     """
     if isinstance(shape, Outline):
         outline = check_outline(shape, name)

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import nearest_points
+from pdvol.geometry.crossings import edges_of
 from pdvol.meshes import Surface
 from pdvol.meshing.readers import read_numbered
 from pdvol.scene import Placement
@@ -114,7 +115,7 @@ def _weights(weights: str | Path | np.ndarray | Sequence) -> np.ndarray:
 
 def _marked_points(vertices: np.ndarray, triangles: np.ndarray, marked: np.ndarray, spacing: float) -> np.ndarray:
     """Marked vertices, and points on marked edges no further than `spacing` [m] from each other."""
-    edges = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges = edges_of(triangles)
     found = [vertices[marked]]
     for a, b in vertices[edges[marked[edges].all(axis=1)]]:
         inner = int(np.linalg.norm(b - a) / spacing)

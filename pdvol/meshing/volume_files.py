@@ -1,6 +1,8 @@
 """Meshes of tetrahedra, and of triangles, from the files of mesh generators: read in a child process (`readers.py`)."""
 
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,8 @@ from pdvol.meshes import Solid, Surface
 from pdvol.meshing.gmsh_files import in_one_group, read_gmsh
 from pdvol.meshing.losses import lost_labels, unread_labels
 from pdvol.meshing.surface_files import CORNERS, first_that_reads, indices, triangles_of
-from pdvol.meshing.xdmf_files import read_xdmf, welded
+from pdvol.meshing.weld import open_edges
+from pdvol.meshing.xdmf_files import check_step, first_of, read_xdmf, welded
 
 if TYPE_CHECKING:
     import meshio
@@ -20,6 +23,8 @@ if TYPE_CHECKING:
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
 VTK_ONLY = (".vtp", ".pvtu", ".pvd", ".vtm", ".vtkhdf")
 """Further files that VTK reads: surfaces, and collections of other files."""
+SERIES = (".xdmf", ".pvd")
+"""Files that may hold a mesh for each of several steps."""
 PAIR = (".node", ".ele")
 """NAME.node and NAME.ele, as TetGen and Triangle write them, in text."""
 _LABELS = (
@@ -29,19 +34,20 @@ _LABELS = (
 """Names under which cells carry their region, the most explicit first."""
 
 
-def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
+def read_volume(path: Path, step: int = 0) -> tuple[Solid | Surface, list[str]]:
     """The mesh of a file of `VOLUMES` or `VTK_ONLY`, and notes: a `Solid` of its tetrahedra, or of triangles that all
-    lie at one z; a `Surface` of other triangles.
-
-    Raises
-    ------
-    MeshError
-        It is unreadable, or holds neither tetrahedra nor triangles, or other solids.
+    lie at one z; a `Surface` of other triangles. Of a file of `SERIES` at a `step`. It raises MeshError where the file
+    is unreadable, holds neither tetrahedra nor triangles, or other solids, or has no such step.
     """
     suffix = path.suffix.lower()
-    readers = {".msh": (read_gmsh, _with_meshio), ".xdmf": (read_xdmf,), ".mesh": (_with_meshio,)}
-    others = (_with_vtk,) if suffix in VTK_ONLY else (_with_meshio, _with_vtk)
-    mesh = first_that_reads(path, *readers.get(suffix, others))
+    others: tuple[Callable[[Path], meshio.Mesh], ...] = _with_meshio, _with_vtk
+    if suffix in VTK_ONLY:
+        others = (partial(_with_vtk, step=step),)
+    elif suffix == ".xdmf":
+        others = (partial(read_xdmf, step=step),)
+    elif suffix in (".msh", ".mesh"):
+        others = (read_gmsh, _with_meshio)[suffix == ".mesh" :]
+    mesh = first_that_reads(path, *others)
     points = np.asarray(mesh.points, dtype=np.float64)
     unoriented = suffix == ".xdmf" or any(block.type.startswith("VTK_LAGRANGE") for block in mesh.cells)
     notes = [*mesh.info] if isinstance(mesh.info, list) else []
@@ -63,6 +69,10 @@ def read_volume(path: Path) -> tuple[Solid | Surface, list[str]]:
     labels = _regions(mesh, blocks, rows)
     if not tets and points.shape[1] == 3 and not (inside and np.ptp(points[cells, 2]) == 0.0):
         names = [str(label) for label in np.unique(labels)]
+        if suffix == ".msh" and labels.any() and len(open_edges(cells)):
+            notes.append("Gmsh saves only what is in physical groups: give the volume one, or set Mesh.SaveAll=1")
+        if inside and np.ptp(points[cells.ravel()], axis=0).min() == 0.0:
+            notes.append("all of it lies at one x or y; for a scene in 2D turn it, so that it lies at one z")
         return Surface(points, cells), notes + lost_labels(names if len(names) > 1 else [])
     points = points if tets else np.ascontiguousarray(points[:, :2])
     if suffix == ".msh":
@@ -125,17 +135,20 @@ def _with_meshio(path: Path) -> "meshio.Mesh":
         raise
 
 
-def _with_vtk(path: Path) -> "meshio.Mesh":
-    """Of a time series the first step. Pieces are joined where their points are exactly the same."""
+def _with_vtk(path: Path, step: int = 0) -> "meshio.Mesh":
+    """Of a time series the given step. Pieces are joined where their points are exactly the same."""
     import pyvista
 
     others = re.findall(r"\b(?:Source|file)=\"([^\"]+)", path.read_text(errors="replace")) if _collects(path) else []
     missing = next((other for other in others if not (path.parent / other).is_file()), "")
     if missing:
         raise MeshError(f"{path}: there is no {missing} beside it, with its data; keep the files together")
-    found, notes = pyvista.read(path), []
-    if path.suffix.lower() == ".pvd" and (steps := len(set(pyvista.get_reader(path).time_values))) > 1:
-        notes = [f"the first of its {steps} steps is read"]
+    reader = pyvista.get_reader(path)
+    times = sorted(set(reader.time_values)) if path.suffix.lower() == ".pvd" else []
+    if times:
+        check_step(path, step, len(times))
+        reader.set_active_time_value(times[step])
+    found, notes = reader.read(), first_of(len(times), step)
     grid = found.combine() if isinstance(found, pyvista.MultiBlock) else found.cast_to_unstructured_grid()
     strips = grid.celltypes == pyvista.CellType.TRIANGLE_STRIP
     if strips.any():
@@ -153,12 +166,8 @@ def _collects(path: Path) -> bool:
 
 
 def read_pair(path: Path) -> tuple[Solid, list[str]]:
-    """The mesh of a pair of files, of which either is named, and notes; cells by their corners.
-
-    Raises
-    ------
-    MeshError
-        The other file is missing, or a file does not hold what it promises.
+    """The mesh of a pair of files, of which either is named, and notes; cells by their corners. It raises MeshError
+    where the other file is missing, or a file does not hold what it promises.
     """
     nodes, elements = (path.with_suffix(suffix) for suffix in PAIR)
     for file in (nodes, elements):

@@ -14,22 +14,31 @@ if TYPE_CHECKING:
     import meshio
 
 
-def read_xdmf(path: Path) -> "meshio.Mesh":
-    """The first grid with points and cells, or all that lie beside it in a collection: of a time series the first step.
-    Mesh tags of dolfinx, which are grids that use the points of another one, become the cell data `mesh_tags`.
+def check_step(path: Path, step: int, count: int) -> None:
+    """Raise MeshError where a file has no such step."""
+    if not -count <= step < count:
+        raise MeshError(f"{path}: there is no step {step}; it has {count:,}, numbered from 0")
 
-    Raises
-    ------
-    MeshError
-        The file with the data is missing.
+
+def first_of(count: int, step: int) -> list[str]:
+    """A line on steps of a file where the first one is read."""
+    return [f"the first of its {count} steps is read"] if count > 1 and step == 0 else []
+
+
+def read_xdmf(path: Path, step: int = 0) -> "meshio.Mesh":
+    """The first grid with points and cells, or all that lie beside it in a collection: of a time series the given step.
+    Mesh tags of dolfinx, which are grids that use the points of another one, become the cell data `mesh_tags`. It
+    raises MeshError where the file with the data, or the step, is missing.
     """
     root = parse(path).getroot()
-    whole = next(filter(None, map(_pieces, root.findall("Domain/Grid"))), None)
-    if whole is None:
+    steps = next(filter(None, map(_steps, root.findall("Domain/Grid"))), None)
+    if steps is None:
         raise ValueError("no grid has points and cells")
+    check_step(path, step, len(steps))
+    whole = steps[step]
     mesh = _joined([_read_grid(path, piece, piece) for piece in whole])
     series = [len(one.findall("Grid")) for one in root.iter("Grid") if one.get("CollectionType") == "Temporal"]
-    mesh.info = [f"the first of its {max(series)} steps is read"] if max(series, default=0) > 1 else []
+    mesh.info = first_of(max(series, default=0), step)
     for grid in root.findall("Domain/Grid"):
         if grid.find("Geometry") is None and None not in map(grid.find, ("Topology", "Attribute")):
             tags = _read_grid(path, grid, whole[0])
@@ -43,11 +52,14 @@ def read_xdmf(path: Path) -> "meshio.Mesh":
     return mesh
 
 
-def _pieces(grid: Element) -> list[Element]:
-    """The grids with points and cells that a grid consists of, at the first of its steps."""
-    parts = [grid] if None not in map(grid.find, ("Topology", "Geometry")) else []
-    found = [pieces for pieces in map(_pieces, grid.findall("Grid")) if pieces]
-    return parts or sum(found[:1] if grid.get("CollectionType") == "Temporal" else found, [])
+def _steps(grid: Element) -> list[list[Element]]:
+    """The grids with points and cells that a grid consists of, at each of its steps that has some."""
+    if None not in map(grid.find, ("Topology", "Geometry")):
+        return [[grid]]
+    found = [steps for steps in map(_steps, grid.findall("Grid")) if steps]
+    if grid.get("CollectionType") == "Temporal":
+        return [steps[0] for steps in found]
+    return [sum(pieces, []) for pieces in zip(*found, strict=False)]
 
 
 def welded(mesh: "meshio.Mesh") -> "meshio.Mesh":

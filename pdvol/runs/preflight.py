@@ -359,24 +359,27 @@ def check_meshes(files: Sequence[Path], out: Path | None = None) -> dict:
     entries, errors = [], list[InputError | None]()
     for file in files:
         errors.append(None)
+        notes = list[str]()
         try:
             with cpu_budget(), stage(f"checking {file}"):
-                message, notes = _check_mesh(file)
-            entries.append({"file": str(file), "sound": True, "message": message, "notes": notes})
+                message = _check_mesh(file, notes)
         except InputError as error:
-            entries.append({"file": str(file), "sound": False, "message": f"defect: {error}", "notes": []})
-            errors[-1] = error
+            message, errors[-1] = f"defect: {error}", error
+        notes = [f"note: {file}: {note}" for note in notes]
+        entries.append({"file": str(file), "sound": errors[-1] is None, "message": message, "notes": notes})
     _write_crossings(out, errors)
     return {"sound": all(entry["sound"] for entry in entries), "files": entries}
 
 
-def _check_mesh(file: Path) -> tuple[str, list[str]]:
-    read, notes = read_with_notes(file)
+def _check_mesh(file: Path, notes: list[str]) -> str:
+    """The size of a sound mesh in words. Notes are added also where a defect is raised."""
+    read, found = read_with_notes(file)
+    notes += found
     check_place(place_of(read), str(file))
     shape, _, found = judge(read, str(file))
+    notes += found
     low, high = (f"({', '.join(f'{x:.3g}' for x in end(place_of(shape), axis=0))})" for end in (np.min, np.max))
-    line = f"{file}: from {low} to {high} m, {_in_words(shape)}, sound"
-    return line, [f"note: {file}: {note}" for note in notes + found]
+    return f"{file}: from {low} to {high} m, {_in_words(shape)}, sound"
 
 
 def _in_words(shape: Outline | Surface | Solid) -> str:

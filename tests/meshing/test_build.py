@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hostile_files import shifted, together
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError, InvertedCellError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
@@ -81,9 +82,8 @@ def test_the_cache_is_used_mended_and_not_needed(tmp_path, monkeypatch):
     assert len(calls) == 4, "other targets, other hierarchy"
     blocked = tmp_path / "file"
     blocked.touch()
-    assert np.array_equal(
-        build_levels(scene(disc_body()), count=1, cache=blocked / "meshes")[0].points, fresh[0].points
-    )
+    (alone,) = build_levels(scene(disc_body()), count=1, cache=blocked / "meshes")
+    assert np.array_equal(alone.points, fresh[0].points)
 
 
 def test_regions_are_carried_over(tmp_path):
@@ -96,10 +96,8 @@ def test_regions_are_carried_over(tmp_path):
 
 
 def test_a_list_of_meshes_is_taken_as_it_is(tmp_path):
-    listed = (strip(4), strip(9))
-    levels = build_levels(
-        scene(Body(shape=listed, material=SOFT, placement=Placement(translate=(1.0, 0.0)))), cache=tmp_path
-    )
+    listed, aside = (strip(4), strip(9)), Placement(translate=(1.0, 0.0))
+    levels = build_levels(scene(Body(shape=listed, material=SOFT, placement=aside)), cache=tmp_path)
     for mesh, taken in zip(levels, listed, strict=True):
         assert np.array_equal(mesh.points, taken.vertices + [1.0, 0.0])
         assert np.array_equal(mesh.cells, taken.cells)
@@ -189,10 +187,7 @@ def test_a_number_that_is_named_has_been_tried(tmp_path, monkeypatch, reached, s
 
 def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
     """Eight parts share what a body asks for; the number to ask for is the body's again."""
-    parts = [meshes.ball(0.3, 2) for _ in range(8)]
-    n = len(parts[0].vertices)
-    points = np.vstack([part.vertices + [k, 0.0, 0.0] for k, part in enumerate(parts)])
-    surface = Surface(points, np.vstack([part.triangles + k * n for k, part in enumerate(parts)]).astype(np.int32))
+    surface = Surface(*together(*(shifted(meshes.ball(0.3, 2), (k, 0.0, 0.0)) for k in range(8))))
 
     def one(unit, target, name, volume, flat):
         if target < 200:
@@ -203,6 +198,8 @@ def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
     with pytest.raises(UnreachableCount, match=r"x: 300 vertices .* all parts \(part 1 of 8: 38 vertices") as caught:
         tetrahedra.tetrahedralise(surface, 300, "x")
     assert 8 * 180 < caught.value.closest < 8 * 230
+    with pytest.raises(MeshError, match="x: 60 vertices are too few for its 8 parts; ask for 160 or more"):
+        tetrahedra.tetrahedralise(surface, 60, "x")
     assert len(tetrahedra.tetrahedralise(surface, caught.value.closest + 80, "x").points) == 8 * 4
 
 

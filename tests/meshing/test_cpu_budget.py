@@ -1,5 +1,9 @@
-"""All work on a command's meshes shares one budget of processor time, and ends with one line where it is used up."""
+"""All work on a command's meshes shares one budget of processor time, and ends with one line where it is used up;
+meshers in processes of their own may end early.
+"""
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -8,10 +12,11 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
-from pdvol.errors import InputError
-from pdvol.meshing import cpu_budget
+from pdvol.errors import InputError, MeshError
+from pdvol.meshing import cpu_budget, tetrahedralise
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch, check_budget
+from pdvol.meshing.edge_length import MAX_ATTEMPTS, SizedMesh, mesh_of_target_size
 from pdvol.meshing.readers import read_in_child_process
 from pdvol.processes import processor_use
 from pdvol.runs.mending import mend_file
@@ -26,6 +31,15 @@ def endless(*_given) -> None:
 
 def asleep() -> None:
     time.sleep(1e6)
+
+
+def pause(seconds: float) -> np.ndarray:
+    time.sleep(seconds)
+    return np.arange(3)
+
+
+def crash() -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
 
 
 def burn(seconds: float) -> None:
@@ -47,10 +61,9 @@ def large_file(tmp_path_factory):
 
 def test_a_mesher_ends_with_the_budget_of_its_command():
     before = time.process_time()
-    with pytest.raises(BudgetSpent, match="not done within the 0.5 s of processor time") as caught:
-        with cpu_budget.cpu_budget(seconds=0.5), Child() as child:
-            child.call("mesher", endless, cpu_seconds=60.0)
-    assert "\n" not in str(caught.value)
+    said = "^[^\n]*not done within the 0.5 s of processor time[^\n]*$"
+    with pytest.raises(BudgetSpent, match=said), cpu_budget.cpu_budget(seconds=0.5), Child() as child:
+        child.call("mesher", endless, cpu_seconds=60.0)
     assert time.process_time() - before < 0.5, "it was the child's time"
 
 
@@ -107,11 +120,9 @@ def test_every_command_on_a_mesh_has_a_budget(tmp_path, monkeypatch, large_file,
 
 
 def test_a_reader_ends_with_the_budget(tmp_path):
-    file = tmp_path / "any.obj"
-    file.write_text("v 0 0 0\n")
-    with pytest.raises(BudgetSpent, match="any.obj: not done within the 0.5 s"):
-        with cpu_budget.cpu_budget(seconds=0.5):
-            read_in_child_process(file, endless)
+    (tmp_path / "any.obj").write_text("v 0 0 0\n")
+    with pytest.raises(BudgetSpent, match="any.obj: not done within the 0.5 s"), cpu_budget.cpu_budget(seconds=0.5):
+        read_in_child_process(tmp_path / "any.obj", endless)
 
 
 def test_a_child_takes_the_lower_one_of_its_limits():
@@ -128,3 +139,52 @@ for seconds in (60, 5):
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split("\n") == ["21 21", "6 21", ""]
+
+
+def test_a_mesher_may_wait_and_its_end_is_named():
+    with Child() as child:
+        assert child.call("mesher", pause, 2.5, cpu_seconds=2.0).tolist() == [0, 1, 2]
+        with pytest.raises(ProcessStopped, match="mesher used up its 1 s of processor time"):
+            child.call("mesher", endless, cpu_seconds=1.0)
+    with Child() as child, pytest.raises(MeshError, match=r"mesher crashed \(SIGSEGV\)") as caught:
+        child.call("mesher", crash, cpu_seconds=5.0)
+    assert not isinstance(caught.value, ProcessStopped), "it may be called again with another edge length"
+
+
+@pytest.mark.parametrize(
+    ("error", "calls", "said"),
+    [
+        (ProcessStopped("fTetWild used up its 31 s"), 1, "no mesh of about 50 vertices: fTetWild used up"),
+        (MeshError("fTetWild crashed (SIGSEGV)"), MAX_ATTEMPTS, "no valid mesh of about 50 .*fTetWild crashed"),
+    ],
+)
+def test_a_mesher_that_ends_early_is_called_again_only_after_a_crash(monkeypatch, error, calls, said):
+    """With another edge length, which it may well take; its time is not spent twice."""
+    lengths = []
+
+    def end(vertices, triangles, edge_length, *_limits):
+        lengths.append(edge_length)
+        raise error
+
+    monkeypatch.setattr(tetrahedralise, "ftetwild", end)
+    with pytest.raises(MeshError, match=said) as caught:
+        tetrahedralise.tetrahedralise(meshes.box(), 50)
+    assert len(lengths) == len(set(lengths)) == calls and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("fine", "coarse"), [(3000, 100), (1800, 100), (3000, 600), (1800, 1800), (3000, 3000)])
+def test_a_search_ends_never_repeats_a_scale_and_takes_the_closest(fine, coarse):
+    scales = []
+
+    def make(scale, failures):
+        scales.append(scale)
+        points = np.zeros((fine if scale < 0.5 else coarse, 3))
+        return SizedMesh(points, np.zeros((0, 4), dtype=np.int64), points)
+
+    closest = 1800 if fine == 1800 else 600
+    if fine == 3000 and coarse != 600:
+        with pytest.raises(MeshError, match="1000 vertices cannot be had, the closest mesh has"):
+            mesh_of_target_size(make, 1000, "steps", 1.0, 3)
+    else:
+        assert len(mesh_of_target_size(make, 1000, "steps", 1.0, 3).points) == closest
+    assert len(scales) == len(set(scales)) == {1800: 3, 3000: 2}.get(coarse, MAX_ATTEMPTS)

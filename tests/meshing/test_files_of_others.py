@@ -13,8 +13,9 @@ import pytest
 import pyvista
 from mpi4py import MPI
 
+from cli_scenes import pdvol
 from hostile_files import CUBE, mesh, obj, ply, shifted, stl_text, together
-from pdvol.errors import MeshError
+from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape, read_with_notes
 from pdvol.meshing.validate import check_solid, check_surface
@@ -79,6 +80,14 @@ def test_gmsh_with_all_entities(tmp_path, boxes, version, options, dim):
     check_solid(solid)
     lost = version == 2.2 or dim == 2  # files of version 2.2 then hold no groups, but the entities
     assert labels(solid) == ({1: one, 2: two, 3: three} if lost else {7: one, 8: two + three})
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_gmsh_with_groups_of_faces_alone(tmp_path, boxes, version, capfd):
+    write, _ = boxes({5: [1]}, 2)
+    assert pdvol("check", write(tmp_path / "a.msh", version)) == 2
+    said = capfd.readouterr().out
+    assert "the surface is open" in said and "Gmsh saves only what is in physical groups: give the volume one" in said
 
 
 def test_gmsh_of_higher_order(tmp_path, boxes):
@@ -217,6 +226,24 @@ def test_files_of_dolfinx(dolfinx_files, name, regions, notes):
     check_solid(solid)
 
 
+def test_steps_of_a_series_of_vtk(tmp_path):
+    entry = '<DataSet timestep="{}" part="0" file="{}.vtu"/>'
+    for step in range(3):
+        grid(10, TETS, POINTS + step).save(tmp_path / f"{step}.vtu")
+    entries = "".join(entry.format(0.1 * step, step) for step in range(3))
+    path = tmp_path / "series.pvd"
+    path.write_text(f'<VTKFile type="Collection" version="0.1"><Collection>{entries}</Collection></VTKFile>')
+    assert read_with_notes(path, step=2)[1] == [] and [read_shape(path, k).vertices.min() for k in (0, 1, -1)] == [
+        0,
+        1,
+        2,
+    ]
+    with pytest.raises(MeshError, match="there is no step 3; it has 3"):
+        read_shape(path, 3)
+    with pytest.raises(InputError, match=r"step = 1, and only files of \.xdmf, \.pvd have steps"):
+        read_shape(tmp_path / "0.vtu", 1)
+
+
 @pytest.mark.parametrize("name", ["cube.pvd", "cube000000.pvtu"])
 def test_collections_without_their_files(dolfinx_files, tmp_path, name):
     shutil.copy(dolfinx_files / name, tmp_path / name)
@@ -243,6 +270,15 @@ def test_own_series(tmp_path):
     path.write_text(xml.format('CollectionType="Temporal"', STEP.format(0), STEP.format(1)) + "</Domain></Xdmf>")
     solid, notes = read_with_notes(path)
     assert labels(solid) == {3: 1, 4: 1} and notes == ["the first of its 2 steps is read"]
+    with h5py.File(tmp_path / "level.h5", "a") as file:
+        file["moved"] = POINTS + 1.0
+    moved = STEP.format(1).replace("/points", "/moved")
+    path.write_text(xml.format('CollectionType="Temporal"', STEP.format(0), moved) + "</Domain></Xdmf>")
+    for step, by in ((0, 0.0), (1, 1.0), (-1, 1.0)):
+        np.testing.assert_array_equal(read_shape(path, step).vertices, POINTS + by)
+    for step in (2, -3):
+        with pytest.raises(MeshError, match=f"there is no step {step}; it has 2, numbered from 0"):
+            read_shape(path, step)
     path.write_text(xml.format('CollectionType="Temporal"', STEP.format(0), "") + "</Domain></Xdmf>")
     (tmp_path / "level.h5").rename(tmp_path / "other.h5")
     with pytest.raises(MeshError, match=r"there is no level\.h5 beside it"):
@@ -300,6 +336,12 @@ def test_files_of_vtk(tmp_path, name):
     shape = read_shape(tmp_path / name)
     assert len(shape.triangles if isinstance(shape, Surface) else shape.cells) == count
     (check_surface if isinstance(shape, Surface) else check_solid)(shape)
+
+
+def test_a_flat_mesh_at_one_y_says_how_to_turn_it(tmp_path):
+    grid(5, SHELL[1:2]).save(tmp_path / "side.vtu")
+    (note,) = read_with_notes(tmp_path / "side.vtu")[1]
+    assert note == "all of it lies at one x or y; for a scene in 2D turn it, so that it lies at one z"
 
 
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu"])

@@ -12,6 +12,8 @@ TURN = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
 SQUARE = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (0, 2)]
 COMB = [(0, 0), (5, 0), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
 
+RING = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]  # with a bridge to its hole
+
 
 def placed(corners):
     return np.column_stack([np.array(corners, dtype=float), np.zeros(len(corners))]) @ TURN.T
@@ -22,8 +24,8 @@ def area_vectors(points, triangles):
     return np.cross(b - a, c - a) / 2
 
 
-@pytest.mark.parametrize("first", range(6))
-@pytest.mark.parametrize(("corners", "area"), [(SQUARE, 4.0), (COMB, 11.0)])
+@pytest.mark.parametrize("first", range(10))
+@pytest.mark.parametrize(("corners", "area"), [(SQUARE, 4.0), (COMB, 11.0), (RING, 12.0)])
 def test_each_corner_is_used_and_the_area_kept(corners, area, first):
     points = placed(corners)
     polygon = np.roll(np.arange(len(corners)), -first)

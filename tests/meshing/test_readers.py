@@ -23,9 +23,8 @@ def write(path, points, cells, labels=None):
     data = {} if labels is None else {LABEL[path.suffix]: [np.asarray(labels, dtype=np.int32)]}
     if path.suffix == ".msh" and labels is not None:
         data["gmsh:geometrical"] = data["gmsh:physical"]
-    meshio.Mesh(points, [cells], cell_data=data).write(
-        path, **({"file_format": "gmsh22"} if path.suffix == ".msh" else {})
-    )
+    more = {"file_format": "gmsh22"} if path.suffix == ".msh" else {}
+    meshio.Mesh(points, [cells], cell_data=data).write(path, **more)
     return path
 
 
@@ -56,10 +55,8 @@ def test_flat_triangles_of_a_volume_format_are_a_2d_solid(tmp_path, suffix):
 
 def test_obj_with_seams_polygons_and_negative_indices(tmp_path):
     path = tmp_path / "quad.obj"
-    path.write_text(
-        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0 1.0\nvt 0 0\nvt 1 0\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1 4/2/1\nf -4//1 -2//1"
-        " -3//1\n"
-    )
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0 1.0\nvt 0 0\nvt 1 0\nvn 0 0 1\n"
+    path.write_text(f"{corners}f 1/1/1 2/2/1 3/1/1 4/2/1\nf -4//1 -2//1 -3//1\n")
     surface = read_shape(path)
     assert surface.vertices.shape == (4, 3)
     assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 1]]

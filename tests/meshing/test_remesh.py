@@ -15,6 +15,7 @@ from pdvol.meshing.build import build_levels
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
 from pdvol.meshing.remesh import LEAST_QUALITY, Unsuited, remesh
 from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
+from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.verdict import place_of, solid_boundary
 
 BAR = meshes.brick((1.0, 0.2, 0.2), (5, 1, 1))
@@ -65,12 +66,8 @@ def test_a_support_by_place_holds_the_same_face_on_every_level(name, tmp_path):
     """`np.isclose` holds all vertices of the face, and they lie in its plane."""
     shape, axis, size = SHAPES[name]
     points = place_of(shape)
-    scene = Scene(
-        (Body(shape, NeoHookean(1e5), (150, 400)),),
-        supports=[Support(lambda X: np.isclose(X[:, axis], points[:, axis].min()))],
-        dt=0.01,
-        steps=1,
-    )
+    support = Support(lambda X: np.isclose(X[:, axis], points[:, axis].min()))
+    scene = Scene((Body(shape, NeoHookean(1e5), (150, 400)),), supports=[support], dt=0.01, steps=1)
     held = []
     for mesh in build_levels(scene, cache=tmp_path):
         chosen = chosen_points(scene, scene.supports[0], mesh)
@@ -80,16 +77,11 @@ def test_a_support_by_place_holds_the_same_face_on_every_level(name, tmp_path):
     assert held == pytest.approx([np.mean(held) if size is None else size] * 2, rel=1e-9 if size else 0.1)
 
 
-@pytest.mark.parametrize(
-    ("shape", "target"),
-    [
-        (solid_boundary(BAR, "bar"), 100),
-        (solid_boundary(BAR, "bar"), 300),
-        (meshes.box(), 100),
-        (meshes.box((0.9, 0.9, 0.02)), 300),
-        (meshes.ball(), 1000),
-    ],
-)
+HULL, PLATE = solid_boundary(BAR, "bar"), meshes.box((0.9, 0.9, 0.02))
+SOLIDS = [(HULL, 100), (HULL, 300), (meshes.box(), 100), (PLATE, 300), (meshes.ball(), 1000)]
+
+
+@pytest.mark.parametrize(("shape", "target"), SOLIDS)
 def test_counts_and_cells_of_remeshed_solids(shape, target):
     made = remesh(shape, target)
     few = 0.05 if target == 100 else 0.0  # one row of vertices along a bar is a fifth of them
@@ -99,8 +91,16 @@ def test_counts_and_cells_of_remeshed_solids(shape, target):
     assert volume == pytest.approx(enclosed_volume(shape.vertices, shape.triangles), rel=1e-9)
 
 
-def test_one_input_gives_one_mesh():
-    first, second = (remesh(meshes.cylinder(), 200) for _ in range(2))
+@pytest.mark.parametrize(
+    ("make", "shape", "target"),
+    [
+        (remesh, meshes.cylinder(), 200),
+        (tetrahedralise, meshes.bar(1.0, 0.2, 0.2, 0.1), 200),
+        (triangulate, [COMB.points], 150),
+    ],
+)
+def test_one_input_gives_one_mesh(make, shape, target):
+    first, second = (make(shape, target) for _ in range(2))
     assert np.array_equal(first.points, second.points) and np.array_equal(first.cells, second.cells)
 
 
@@ -109,17 +109,11 @@ def test_detail_finer_than_an_edge_is_left_to_decimation():
         remesh(meshes.bunny(), 200)
 
 
-@pytest.mark.parametrize(
-    ("shape", "count"),
-    [
-        (meshes.box((1.0, 1.0, 1.0), (3, 3, 3)), 6),
-        (meshes.cylinder(), 2),
-        (meshes.ball(), 0),
-        (meshes.donut(), 0),
-        (cut_ball(), 1),
-        (meshes.extrude(meshes.disc(), 0.2), 2),
-    ],
-)
+ROUND = [(meshes.cylinder(), 2), (meshes.ball(), 0), (meshes.donut(), 0), (cut_ball(), 1)]
+FLAT = [(meshes.box((1.0, 1.0, 1.0), (3, 3, 3)), 6), (meshes.extrude(meshes.disc(), 0.2), 2)]
+
+
+@pytest.mark.parametrize(("shape", "count"), ROUND + FLAT)
 def test_flat_faces_are_not_facets_of_curved_surfaces(shape, count):
     assert len(FlatFaces(shape.vertices, shape.triangles.astype(np.int64)).facets) == count
 
@@ -135,14 +129,9 @@ def test_a_bar_sags_alike_on_coarse_and_fine_levels():
     """Held at its end by `np.isclose`, or by all that is as far out: 300 vertices sag within 5 % of 2,500."""
     sags = []
     for count, where in ((300, lambda X: X[:, 0] < X[:, 0].min() + 1e-6), (2500, lambda X: np.isclose(X[:, 0], -0.5))):
-        scene = Scene(
-            (Body(BAR, NeoHookean(1e5, 0.3), (count,)),),
-            supports=[Support(where)],
-            loads=[Gravity((0.0, -2.0, 0.0))],
-            dt=0.5,
-            steps=14,
-            integrator="implicit_euler",
-        )
+        bodies, gravity = (Body(BAR, NeoHookean(1e5, 0.3), (count,)),), Gravity((0.0, -2.0, 0.0))
+        held = {"supports": [Support(where)], "loads": [gravity], "integrator": "implicit_euler"}
+        scene = Scene(bodies, dt=0.5, steps=14, **held)
         level = pdvol.run(scene).levels[0]
         end = np.isclose(level.mesh.points[:, 0], 0.5)
         sags.append((level.mesh.points - level.positions(14))[end, 1].mean())

@@ -129,17 +129,16 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
 
 
 def test_other_bad_input(tmp_path):
-    with pytest.raises(InputError, match="there is no such file"):
-        read_render_surface(tmp_path / "gone.obj", "x")
-    with pytest.raises(InputError, match="a render mesh is a surface; give one of .obj"):
-        read_render_surface(tmp_path / "solid.msh", "x")
-    with pytest.raises(InputError, match="x: the texture .* cannot be read"):
-        read_texture(tmp_path / "gone.png", "x")
-    with pytest.raises(InputError, match="none of .png, .jpg, .jpeg"):
-        read_texture(tmp_path / "a.tga", "x")
     (tmp_path / "a.png").write_text("no picture")
-    with pytest.raises(InputError, match="is no .png picture"):
-        read_texture(tmp_path / "a.png", "x")
+    for read, name, said in (
+        (read_render_surface, "gone.obj", "there is no such file"),
+        (read_render_surface, "solid.msh", "a render mesh is a surface; give one of .obj"),
+        (read_texture, "gone.png", "x: the texture .* cannot be read"),
+        (read_texture, "a.tga", "none of .png, .jpg, .jpeg"),
+        (read_texture, "a.png", "is no .png picture"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read(tmp_path / name, "x")
 
 
 def test_the_donut_of_the_demo():

@@ -152,6 +152,42 @@ def test_changes_beyond_the_envelope_are_refused():
     assert len(result.triangles) == len(triangles)
 
 
+@pytest.mark.parametrize("matrix", [np.eye(3), TURN])
+def test_edges_that_one_side_alone_divides_are_divided_on_both(matrix):
+    """Two triangles are cut into fans about their middles, with each side in three; six beside them are not."""
+    points, triangles = CUBE.vertices, CUBE.triangles
+    for corners in CUBE.triangles[[0, 7]]:
+        ends = CUBE.vertices[corners]
+        after = np.roll(ends, -1, axis=0)
+        thirds = np.stack([ends, (2 * ends + after) / 3, (ends + 2 * after) / 3], axis=1).reshape(-1, 3)
+        chain = len(points) + np.arange(9)
+        fan = np.column_stack([np.full(9, len(points) + 9), chain, np.roll(chain, -1)])
+        points, triangles = np.vstack([points, thirds, [ends.mean(axis=0)]]), np.vstack([triangles, fan])
+    result, done = mended(np.float32(points @ matrix.T).astype(float), np.delete(triangles, [0, 7], axis=0))
+    judge(result, "box")
+    assert "6 open edges divided where the other side is" in done and len(result.vertices) == 8 + 2 * 7
+    assert abs(enclosed_volume(result.vertices, result.triangles)) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_vertices_that_are_nearly_one_are_named():
+    corners = CUBE.vertices[CUBE.triangles].reshape(-1, 3) + np.random.default_rng(1).uniform(-1e-6, 1e-6, (36, 3))
+    apart = corners, np.arange(36).reshape(-1, 3)
+    with pytest.raises(MeshError, match="; --weld [23]e-06 joins vertices of open edges that lie near each other$"):
+        mended(*apart)
+    assert len(repair(Surface(apart[0], apart[1].astype(np.int32)), 3e-6, 1.0, 1e-3, "thing")[0].vertices) == 8
+
+
+def test_a_cavity_that_meets_its_hull_in_a_vertex_stays_a_cavity():
+    top = np.argmax(BALL.vertices[:, 2])
+    points, triangles = together(shifted(BALL, 0.0), ball_at(0.6 * BALL.vertices[top], 0.4, True))
+    triangles[triangles == len(BALL.vertices) + top] = top
+    result, done = mended(points, triangles)
+    judge(result, "cavity")
+    assert "shells 1 -> 2" in done[-1] and not any("turned" in line for line in done)
+    volume = enclosed_volume(BALL.vertices, BALL.triangles)
+    assert enclosed_volume(result.vertices, result.triangles) == pytest.approx((1 - 0.4**3) * volume, rel=1e-2)
+
+
 def grid(height, n=10):
     x, y = (c.ravel() for c in np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1), indexing="ij"))
     i = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
@@ -172,9 +208,18 @@ SHEETS = {
 }
 
 
+def test_a_part_of_one_side_is_refused():
+    strip = (np.arange(5)[:, None] + np.arange(3)) % 5  # Moebius'
+    with pytest.raises(MeshError, match="^thing: a part has one side only, as a Moebius strip"):
+        mended(np.random.default_rng(0).random((5, 3)), strip, hole=10.0)
+
+
 @pytest.mark.parametrize("name", SHEETS)
 def test_sheets_are_refused(name):
-    with pytest.raises(MeshError, match=r"^thing: a sheet without thickness.* encloses no volume; give it thickness$"):
+    with pytest.raises(
+        MeshError,
+        match=r"^thing: a sheet without thickness.* encloses no volume; (give it|remove it, or give it) thickness$",
+    ):
         mended(*SHEETS[name])
 
 

@@ -43,6 +43,7 @@ READ = {
     "face.obj": with_comments("", " # one"),
     "tight.obj": with_comments("#a b", "#1/2 x"),
     "tab.obj": with_comments(" # of 8", "\t# 1 2 3"),
+    "wordless.off": off(CUBE.vertices, CUBE.triangles).removeprefix(b"OFF\n"),
     "rest.off": off(CUBE.vertices, CUBE.triangles) + b"3 0 0 0\n# more\n",
 }
 
@@ -105,6 +106,13 @@ def test_ply_files_with_faces_of_various_corners(tmp_path, form):
     check_surface(surface)
     assert enclosed_volume(surface.vertices, surface.triangles) == pytest.approx(1.5 * np.sqrt(3.0), rel=1e-6)
     assert notes == ["labels of faces left out, for a surface has no regions: 1 (group)"]
+    (tmp_path / "two.stl").write_text(
+        "".join(stl_text().replace("solid", f"solid {name}") for name in ("left", "right part"))
+    )
+    assert read_with_notes(tmp_path / "two.stl")[1][-1].endswith("for a surface has no regions: 2 (left, right part)")
+    (tmp_path / "strips.ply").write_bytes(ply(encoding="ascii").replace(b"element face", b"element tristrips"))
+    with pytest.raises(MeshError, match="its triangles are strips"):
+        read_shape(tmp_path / "strips.ply")
     (tmp_path / "cut.ply").write_bytes(prism_ply(form)[:-100])
     with pytest.raises(MeshError, match=r"promises 9 faces and holds [678]; export the mesh again"):
         read_with_notes(tmp_path / "cut.ply")

@@ -11,6 +11,7 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Surface
+from pdvol.meshing import cpu_budget
 from pdvol.meshing import tetrahedralise as tetrahedra
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
@@ -21,9 +22,10 @@ from pdvol.meshing.validate import check_surface, drop_unused
 SURFACES = Path(__file__).parents[2].parent / "shared" / "meshes" / "surfaces"
 
 
-@pytest.mark.parametrize(
-    ("surface", "target"), [(meshes.ball(1.0, 2), 150), (meshes.bar(1.0, 0.2, 0.2, 0.1), 200)], ids=["ball", "bar"]
-)
+SOLIDS = [(meshes.ball(1.0, 2), 150), (meshes.bar(1.0, 0.2, 0.2, 0.1), 200)]
+
+
+@pytest.mark.parametrize(("surface", "target"), SOLIDS, ids=["ball", "bar"])
 def test_a_mesh_of_the_wanted_size(surface, target):
     mesh = tetrahedralise(surface, target)
     assert abs(len(mesh.points) / target - 1.0) <= ACCEPTED_DEVIATION
@@ -50,12 +52,6 @@ def test_300_vertices_of_shared_surfaces(name):
     diagonal = np.linalg.norm(np.ptp(surface.vertices, axis=0))
     # measured: 0 to 1.4 % of the diagonal; a surface of triangles of 6 % of it can miss a feature's tip
     assert hausdorff_distance(points, facets, surface.vertices, surface.triangles) < 0.025 * diagonal
-
-
-def test_the_same_input_gives_the_same_mesh():
-    first, second = (tetrahedralise(meshes.bar(1.0, 0.2, 0.2, 0.1), 200) for _ in range(2))
-    assert np.array_equal(first.points, second.points)
-    assert np.array_equal(first.cells, second.cells)
 
 
 def test_two_parts_stay_two():
@@ -98,3 +94,17 @@ def test_what_a_mesher_returns_is_checked(name, said, monkeypatch):
     monkeypatch.setattr(tetrahedra, "ftetwild", lambda *_, **__: faulty(name))
     with pytest.raises(MeshError, match=f"no valid mesh .* came out .*{said}"):
         tetrahedralise(meshes.box(), 125)
+
+
+def test_few_vertices_take_few_points_around_the_shape(monkeypatch):
+    lengths, made = [], tetrahedra.ftetwild
+
+    def kept(vertices, triangles, edge_length, *limits):
+        lengths.append(edge_length / np.linalg.norm(np.ptp(vertices, axis=0)))
+        return made(vertices, triangles, edge_length, *limits)
+
+    monkeypatch.setattr(tetrahedra, "ftetwild", kept)
+    before = cpu_budget._used()
+    assert 10 <= len(tetrahedralise(meshes.box(), 20).points) <= 40
+    assert max(lengths) <= tetrahedra.LONGEST_EDGE * (1 + 1e-12)
+    assert cpu_budget._used() - before < 15.0, "once 13 s each"

@@ -35,7 +35,7 @@ def test_corners_stay_and_points_lie_on_the_outline():
     assert lengths == pytest.approx(np.full(12, 1 / 3))
 
 
-def test_a_hole_stays_a_hole():
+def test_a_hole_stays_a_hole_and_loops_that_meet_are_refused():
     outer, hole = meshes.disc(1.0, 100).points, meshes.disc(0.4, 50).points[::-1]
     mesh = triangulate([outer, hole], 300)
     assert np.linalg.norm(mesh.points, axis=1).min() > 0.35
@@ -44,17 +44,7 @@ def test_a_hole_stays_a_hole():
     assert len(loops) == 2
     with pytest.raises(MeshError, match="hole outside of everything"):
         triangulate([outer, hole + 5.0], 100)
-
-
-def test_the_same_input_gives_the_same_mesh():
-    first, second = (triangulate([SHAPES["comb"].points], 150) for _ in range(2))
-    assert np.array_equal(first.points, second.points)
-    assert np.array_equal(first.cells, second.cells)
-
-
-def test_loops_that_meet_are_refused():
-    # A bow tie of two triangles that share one vertex.
-    points = np.array([[0.0, 0], [-1, 1], [-1, -1], [1, -1], [1, 1]])
+    points = np.array([[0.0, 0], [-1, 1], [-1, -1], [1, -1], [1, 1]])  # a bow tie: two triangles share a vertex
     facets, _ = boundary_facets(np.array([[0, 1, 2], [0, 3, 4]]))
     with pytest.raises(MeshError, match="meets itself in a vertex"):
         boundary_loops(points, facets, "bow tie")
