@@ -42,7 +42,8 @@ def main(options: Namespace) -> int:
     if options.json is not None:
         require_writable(options.json)
     with stage("loading the solver"):
-        from pdvol.runs.preflight import check_meshes, check_scene
+        from pdvol.runs.preflight import check_scene
+        from pdvol.runs.shape_check import check_meshes
 
     if len(options.files) == 1 and options.files[0].suffix in (".py", ".json"):
         shot = chosen_shot(options, options.files[0])

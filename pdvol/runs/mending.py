@@ -9,7 +9,7 @@ from pdvol.meshes import Solid, Surface
 from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.repair import repair
-from pdvol.runs.preflight import check_meshes
+from pdvol.runs.shape_check import check_meshes
 from pdvol.stages import stage
 from pdvol.store.files import require_place
 

@@ -16,9 +16,10 @@ from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import drop_unused
 from pdvol.meshing.verdict import boundary_facets_of, judge
 from pdvol.meshing.vtu import write_vtu
-from pdvol.runs.preflight import level_sizes, shape_notes, sizes_line
+from pdvol.runs.preflight import level_sizes, sizes_line
 from pdvol.runs.preparation import prepared_levels
 from pdvol.runs.run_summary import binding_lines
+from pdvol.runs.shape_check import shape_notes
 from pdvol.scene import Body, NeoHookean, Scene
 from pdvol.stages import stage
 from pdvol.store.files import make_folder, require_place

@@ -10,7 +10,7 @@ are not counted.
 import resource
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -33,25 +33,23 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, scene_diagonal
 from pdvol.levels.space import LevelSpace
 from pdvol.levels.start import started
-from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.build import build_levels, vertices_asked
 from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
 from pdvol.meshing.losses import named
-from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
-from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
+from pdvol.meshing.verdict import POOR_QUALITY
 from pdvol.meshing.vtu import write_primitives, write_vtu
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.runs.separation import build_apart
+from pdvol.runs.shape_check import NAMED_CELLS, shape_notes, writable, write_crossings
 from pdvol.scene import Barrier, Scene, Support, metres
 from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.stages import say, stage
 
 SAME_AREA = 1.1
 """Ratio of the areas that a support holds on two levels up to which they are the same part of the shape."""
-NAMED_CELLS = 5  # worst cells that are listed for each level
 GAP_RANGE = 10.0  # multiples of dhat: larger gaps do not touch in the first steps and are not searched for
 HIGH_STIFFNESS_RATIO = 1e4  # of Young's moduli: above it the iterative linear solver may fail
 COST_EXPONENT = 1.05  # of the vertices, fitted to benchmarks of 4,000 to 100,000 vertices
@@ -92,7 +90,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
             notes += shape_notes(scene)
             meshes = _build_levels(scene, obstacles, notes)
     except InputError as error:
-        _write_crossings(out, [error])
+        write_crossings(out, [error])
         return {**result, "notes": [f"note: {line}" for line in notes], "defects": [f"defect: {error}"]}
     stopping, lost = render_defects(scene, meshes)
     result["defects"] += [f"defect: {line}" for line in stopping]
@@ -249,7 +247,7 @@ def sizes_line(sizes: dict[str, Any]) -> str:
 
 
 def _write_levels(out: Path, scene: Scene, meshes: Sequence[LevelMesh], found: Sequence[Sequence[Defect]]) -> None:
-    with _writable(out):
+    with writable(out):
         for level, (mesh, defects) in enumerate(zip(meshes, found, strict=True)):
             corners = [(corner, number) for number, defect in enumerate(defects, 1) for corner in defect.primitives]
             marks, begun = np.zeros(len(mesh.points), dtype=np.int32), mesh
@@ -322,91 +320,3 @@ def _result_notes(result: dict) -> Iterator[str]:
             f"stiffness ratio {result['stiffness_ratio']:.1g}; the direct linear solver is the safer choice (--set"
             " linear=direct)"
         )
-
-
-def _write_crossings(out: Path | None, errors: Sequence[InputError | None]) -> None:
-    """`out/defects.vtu`: what crosses in shapes, numbered by where in `errors` it stands; nothing if nothing does."""
-    places = [(c, number) for number, error in enumerate(errors, 1) for c in getattr(error, "corners", ())]
-    if out is not None and places:
-        with _writable(out):
-            write_primitives(out / "defects.vtu", *zip(*places, strict=True))
-
-
-@contextmanager
-def _writable(out: Path) -> Iterator[None]:
-    """A folder to write into; what fails is an InputError."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        yield
-    except OSError as error:
-        raise InputError(f"{out} cannot be written: {error.strerror}") from None
-
-
-def check_meshes(files: Sequence[Path], out: Path | None = None) -> dict:
-    """Read and validate mesh files.
-
-    Parameters
-    ----------
-    files : of surfaces and volume meshes
-    out : folder for `defects.vtu`, the primitives of all crossings with a file's number from 1 as `defect`; none is
-        written if None
-
-    Returns
-    -------
-    dict
-        `sound`, and `files`: a list of objects with `file`, `sound`, `message` (one line) and `notes` (lines).
-    """
-    entries, errors = [], list[InputError | None]()
-    for file in files:
-        errors.append(None)
-        notes = list[str]()
-        try:
-            with cpu_budget(), stage(f"checking {file}"):
-                message = _check_mesh(file, notes)
-        except InputError as error:
-            message, errors[-1] = f"defect: {error}", error
-        notes = [f"note: {file}: {note}" for note in notes]
-        entries.append({"file": str(file), "sound": errors[-1] is None, "message": message, "notes": notes})
-    _write_crossings(out, errors)
-    return {"sound": all(entry["sound"] for entry in entries), "files": entries}
-
-
-def _check_mesh(file: Path, notes: list[str]) -> str:
-    """The size of a sound mesh in words. Notes are added also where a defect is raised."""
-    read, found = read_with_notes(file)
-    notes += found
-    check_place(place_of(read), str(file))
-    shape, _, found = judge(read, str(file))
-    notes += found
-    low, high = (f"({', '.join(f'{x:.3g}' for x in end(place_of(shape), axis=0))})" for end in (np.min, np.max))
-    return f"{file}: from {low} to {high} m, {_in_words(shape)}, sound"
-
-
-def _in_words(shape: Outline | Surface | Solid) -> str:
-    if isinstance(shape, Outline):
-        return f"outline of {len(shape.points):,} points"
-    if isinstance(shape, Surface):
-        return f"surface of {len(shape.vertices):,} vertices, {len(shape.triangles):,} triangles"
-    quality = mean_ratio(shape.vertices, shape.cells)
-    worst = ", ".join(f"{c} ({quality[c]:.2f})" for c in np.argsort(quality, kind="stable")[:NAMED_CELLS])
-    return (
-        f"{len(shape.vertices):,} vertices, {len(shape.cells):,} cells, regions"
-        f" {sorted(set(shape.regions.tolist()))}, worst cells (mean ratio) {worst}"
-    )
-
-
-def shape_notes(scene: Scene) -> list[str]:
-    """What is worth knowing of the bodies' shapes, and of how they were read, in lines; InputError as `judge`."""
-    lines = []
-    for body in scene.bodies:
-        for shape in body.shape if isinstance(body.shape, (tuple, list)) else (body.shape,):
-            name = f"body {body.name!r}"
-            with stage(f"checking the shape of {name}"):
-                read, notes = read_with_notes(shape)
-                check_place(body.placement(place_of(read)), name)
-                try:
-                    lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
-                except IntersectionError as error:
-                    error.corners = [body.placement(corners) for corners in error.corners]
-                    raise
-    return list(dict.fromkeys(lines))

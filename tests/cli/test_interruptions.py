@@ -20,7 +20,7 @@ from commands import SAFETY
 from killing import HELPERS, PressesCtrlC
 from on_ranks import results_on
 from pdvol import open_run
-from pdvol.runs import mending, mesh_hierarchy, preflight, runner
+from pdvol.runs import mending, mesh_hierarchy, preflight, runner, shape_check
 from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.studio.draw import picture
@@ -203,7 +203,7 @@ def test_a_folder_without_permission_is_noticed_first(tmp_path, capfd, monkeypat
     shutil.copytree(sound, tmp_path / "locked" / "run")
     locked, access = tmp_path / "locked", os.access
     monkeypatch.setattr(os, "access", lambda path, mode: locked not in (path, *path.parents) and access(path, mode))
-    for module in (runner, preflight, mesh_hierarchy, mending):
+    for module in (runner, preflight, shape_check, mesh_hierarchy, mending):
         for name in ("prepared_levels", "check_scene", "check_meshes", "read_with_notes"):
             monkeypatch.setattr(module, name, None, raising=False)
     monkeypatch.setattr(picture, "composed", None)

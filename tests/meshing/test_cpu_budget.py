@@ -21,7 +21,7 @@ from pdvol.meshing.readers import read_in_child_process
 from pdvol.processes import processor_use
 from pdvol.runs.mending import mend_file
 from pdvol.runs.mesh_hierarchy import write_hierarchy
-from pdvol.runs.preflight import check_meshes
+from pdvol.runs.shape_check import check_meshes
 
 
 def endless(*_given) -> None:

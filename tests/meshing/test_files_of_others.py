@@ -3,7 +3,6 @@
 import re
 import shutil
 from collections import Counter
-from pathlib import Path
 
 import dolfinx
 import gmsh
@@ -20,7 +19,6 @@ from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape, read_with_notes
 from pdvol.meshing.validate import check_solid, check_surface
 
-CASES = Path(__file__).parents[2].parent / "shared" / "cases"
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
 TETS = np.array([[0, 1, 2, 3], [1, 4, 2, 3]])
 SHELL = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
@@ -352,32 +350,6 @@ def test_voxels_are_not_left_out(tmp_path, suffix):
         one.save(tmp_path / f"a{suffix}")
         with pytest.raises(MeshError, match="8 of its cells are solids but no tetrahedra; export tetrahedra alone"):
             read_shape(tmp_path / f"a{suffix}")
-
-
-@pytest.mark.skipif(not CASES.exists(), reason="the shared cases are not here")
-@pytest.mark.parametrize(
-    ("file", "regions"),
-    [
-        ("05-gmsh-saveall/u_groups_saveall.msh", {7: 718, 8: 737}),
-        ("05-gmsh-saveall/u_groups_face_saveall22.msh", {1: 718, 2: 737}),
-        ("07-gmsh-overlapping-groups/t04_multi_22_0.msh", {7: 718, 8: 737}),
-        ("07-gmsh-overlapping-groups/t04_multi_41_0.msh", {7: 718, 8: 737}),
-        ("08-ply-trailing-bytes/t02c_trailing.ply", None),
-        ("08-ply-trailing-bytes/w1_bin_trail.stl", None),
-        ("11-own-xdmf-not-read/f6_dolfinx.xdmf", {1: 81, 2: 81}),
-        ("11-own-xdmf-not-read/f6_series.xdmf", {0: 1455}),
-        ("11-own-xdmf-not-read/level_0.xdmf", {0: 36}),
-        ("16-convert-advice-fails/t03_poly.vtp", None),
-    ],
-)
-def test_cases(file, regions):
-    shape = read_shape(CASES / file)
-    if regions is None:
-        check_surface(shape)
-        assert len(shape.triangles) == 320
-    else:
-        check_solid(shape)
-        assert labels(shape) == regions
 
 
 # ---- damaged files

@@ -1,5 +1,6 @@
 """Every kind of file is read, in one meaning; every kind of bad file gives one line and prints nothing."""
 
+from collections import Counter
 from pathlib import Path
 
 import meshio
@@ -13,6 +14,7 @@ from pdvol.meshing.validate import check_solid, check_surface
 from pdvol.meshing.volume_files import _with_vtk
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
+CASES = SHARED.with_name("cases")
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
 SHELL = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 TETS = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])
@@ -197,3 +199,29 @@ def test_labels_that_are_lost_are_named_with_their_count(tmp_path, name, make, s
         kind, cells, data = make
         meshio.Mesh(POINTS, [(kind, cells)], cell_data=data).write(path)
     assert read_with_notes(path)[1] == said
+
+
+@pytest.mark.skipif(not CASES.exists(), reason="the shared cases are not here")
+@pytest.mark.parametrize(
+    ("file", "regions"),
+    [
+        ("05-gmsh-saveall/u_groups_saveall.msh", {7: 718, 8: 737}),
+        ("05-gmsh-saveall/u_groups_face_saveall22.msh", {1: 718, 2: 737}),
+        ("07-gmsh-overlapping-groups/t04_multi_22_0.msh", {7: 718, 8: 737}),
+        ("07-gmsh-overlapping-groups/t04_multi_41_0.msh", {7: 718, 8: 737}),
+        ("08-ply-trailing-bytes/t02c_trailing.ply", None),
+        ("08-ply-trailing-bytes/w1_bin_trail.stl", None),
+        ("11-own-xdmf-not-read/f6_dolfinx.xdmf", {1: 81, 2: 81}),
+        ("11-own-xdmf-not-read/f6_series.xdmf", {0: 1455}),
+        ("11-own-xdmf-not-read/level_0.xdmf", {0: 36}),
+        ("16-convert-advice-fails/t03_poly.vtp", None),
+    ],
+)
+def test_shared_cases(file, regions):
+    shape = read_shape(CASES / file)
+    if regions is None:
+        check_surface(shape)
+        assert len(shape.triangles) == 320
+    else:
+        check_solid(shape)
+        assert dict(Counter(shape.regions.tolist())) == regions
