@@ -173,7 +173,8 @@ class Renderer(Window):
         if smooth:
             style |= {"split_sharp_edges": True, "feature_angle": CREASE_ANGLE}
         if edges:
-            style |= {"show_edges": True, "edge_color": _darker(colour, 0.45), "edge_opacity": edges}
+            darker = pv.Color([0.45 * c for c in colour.float_rgb])
+            style |= {"show_edges": True, "edge_color": darker, "edge_opacity": edges}
             style["line_width"] = self.oversampling * 0.5
         self.add(surface, color=colour, opacity=opacity, **style)
 
@@ -219,10 +220,6 @@ class Renderer(Window):
         image = pv.Texture(np.ascontiguousarray(texture[::-1]))
         image.interpolate = True
         self.add(quad, texture=image, lighting=False)
-
-
-def _darker(colour: pv.Color, factor: float) -> pv.Color:
-    return pv.Color([factor * c for c in colour.float_rgb])
 
 
 def _ground(lit: np.ndarray) -> np.ndarray:

@@ -133,15 +133,14 @@ def _pane(pane: Pane, fields: dict, curves: Curves, chunks: Chunks) -> dict:
         "names": list(run.info.get("bodies", [])),
         "fields": fields,
         "obstacles": packed_obstacles(level, run.obstacles, pane.steps, chunks),
-        "curves": {name: _rounded(values) for name, values in curves.of_level(pane.level, pane.steps).items()},
+        "curves": {
+            name: [float(f"{value:.{DIGITS}g}") for value in values]
+            for name, values in curves.of_level(pane.level, pane.steps).items()
+        },
         "details": details,
         **skin,
         "error": max(skin["error"], error),
     }
-
-
-def _rounded(values: Sequence[float]) -> list[float]:
-    return [float(f"{value:.{DIGITS}g}") for value in values]
 
 
 def _camera(panes: Sequence[Pane]) -> dict:
