@@ -19,7 +19,7 @@ LARGE = {"pdvol/studio/play/vendor/three-0.187.0/three.min.js"}
 CODE = (".py", ".c", ".h", ".js")
 LINES = {
     # part: (folders or files, lines of code at most)
-    "core": (("pdvol", "forms", "meshes"), 31_790),
+    "core": (("pdvol", "forms", "meshes"), 31_795),
     "studio": (("pdvol/studio",), 12_103),
     "tests": (("tests",), 36_235),
     "benchmarks": (("benchmarks",), 4_950),
