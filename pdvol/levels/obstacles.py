@@ -85,7 +85,7 @@ def ground_of(movers: Sequence[Mover], duration: float) -> tuple[Obstacle, ...]:
     """
     own = [replace(m, motion=m.motion.own) if isinstance(m.motion, Led) else m for m in movers]
     planes = [mover for mover in movers if isinstance(mover, Obstacle) and mover.kind == "plane"]
-    if not planes or any(stands(m.motion) or _goes_along(m, Still(), duration) for m in own):
+    if not planes or any(_goes_along(m, Still(), duration) for m in own):
         return ()
     groups: list[tuple[int, Obstacle]] = []
     for plane in planes:

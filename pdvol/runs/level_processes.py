@@ -37,7 +37,7 @@ from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import reported_to, stage
 from pdvol.store.reader import Run, open_run
 
-WEAKEST = 19  # claim to processor time, of Linux
+LOWEST = 19  # nice value of Linux: the lowest priority
 POLL = 0.005  # seconds between checks for a coarser state
 CHECK = 0.5  # seconds between checks whether a process that sends nothing has ended
 START_TIME = 120.0  # seconds that processes may need to load the libraries; 2 to 4 are usual
@@ -274,7 +274,7 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
     info = run.info
     if level and info.get("channel"):  # a hand waits for level 0 and its picture
         with suppress(OSError):  # where Linux weighs sessions
-            Path("/proc/self/autogroup").write_text(str(os.nice(WEAKEST)))
+            Path("/proc/self/autogroup").write_text(str(os.nice(LOWEST)))
     writer = Follower(run, keeper, comm)
     shown = keeper is not None and lines != "none"
     with reported_to(StageLines(cast(TextIO, _Sent(writer.send, lines == "terminal")))) if shown else nullcontext():
@@ -299,6 +299,6 @@ def _places(run: Run, level: int, steps: int) -> np.ndarray | None:
 
 if __name__ == "__main__":
     _work(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4], sys.argv[5])
-    if MPI.COMM_WORLD.size == 1:  # at once: with the weakest claim Python's own end may outlast the keeper's patience
+    if MPI.COMM_WORLD.size == 1:  # at once: at low priority Python's shutdown may last longer than the parent waits
         sys.stdout.flush()
         os._exit(0)
