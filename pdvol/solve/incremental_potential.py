@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from itertools import groupby
-from math import isnan
+from math import isfinite, isnan
 
 import numpy as np
 from mpi4py import MPI
@@ -18,6 +18,13 @@ from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates, Term, by_na
 from pdvol.solve.report import Stopwatch
 
 TINY = float(np.finfo(float).tiny)  # stands for a force of zero in a quotient
+
+
+def is_finite(values: np.ndarray) -> bool:
+    """Whether all values are finite. Their squares' sum is found sooner than each is asked, and is not, where one is
+    not.
+    """
+    return isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())
 
 
 class IncrementalPotential:
@@ -105,7 +112,7 @@ class IncrementalPotential:
         self._gradients, total = found, found[0]
         for rows in found[1:]:
             total = total + rows
-        if not self.space.reduce(bool(np.isfinite(total).all()), MPI.LAND):
+        if not self.space.reduce(is_finite(total), MPI.LAND):
             names = ("inertia", *(term.name for term in self.terms))
             for name, rows in zip(names, found, strict=True):
                 self._require_finite(name, "gradient", rows)
@@ -122,15 +129,14 @@ class IncrementalPotential:
         kinds: dict[str, np.ndarray] = {}
         for name, part in zip(("inertia", *(term.name for term in self.terms)), self._gradients, strict=True):
             kinds[name] = kinds[name] + part if name in kinds else part
-        parts = (self._gradient, *kinds.values(), least / np.sqrt(self.space.dim) * self.mass)
+        parts = np.stack([self._gradient, *kinds.values(), least / np.sqrt(self.space.dim) * self.mass], axis=1)
         filled = np.diff(bodies.indptr) > 0
-        most = np.zeros((len(parts), len(filled)))  # squares
-        for row, part in zip(most, parts, strict=True):
-            squares = part**2 @ np.ones(self.space.dim)
-            row[filled] = np.maximum.reduceat(squares[bodies.indices], bodies.indptr[:-1][filled])
-        sums = self.space.reduce(np.array([bodies @ part for part in parts]))
-        sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("kbd,kbd->kb", sums, sums)])
-        return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), TINY)))
+        most = np.zeros((len(filled), parts.shape[1]))  # squares
+        squares, firsts = np.einsum("nkd,nkd->nk", parts, parts), bodies.indptr[:-1][filled]
+        most[filled] = np.maximum.reduceat(squares[bodies.indices], firsts)
+        sums = self.space.reduce((bodies @ parts.reshape(len(parts), -1)).reshape(*most.shape, -1))
+        sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("bkd,bkd->bk", sums, sums)])
+        return float(np.max(sizes[:, :, 0] / np.maximum(sizes[:, :, 1:].max(axis=2), TINY)))
 
     def rows_of_bodies(self, chosen: np.ndarray | None = None) -> csr_array:
         """(bodies, n_owned): one where this rank's row, of the `chosen` (n_owned,), is of a body."""

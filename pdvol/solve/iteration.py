@@ -58,7 +58,7 @@ SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
 CONTRACTING = 0.5  # ratio of consecutive step lengths: up to it they approach the minimum
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Iteration:
     """One Newton iteration.
 

@@ -7,16 +7,16 @@ projected, how long a step is.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
 
 from pdvol.compat import PETSc
 from pdvol.errors import SimulationError
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import Positions, same
 from pdvol.scene import Relative
 from pdvol.solve.callbacks import own_errors, weakly
+from pdvol.solve.incremental_potential import is_finite
 from pdvol.solve.iteration import (
     BALANCED,
     LEAST_DECREASE,
@@ -98,11 +98,11 @@ class Newton:
         Collective.
         """
         solve, array = self._solve, vector.getArray(readonly=True).reshape(-1, self.space.dim)
-        alike: Iterable[bool] = (bool((known.owned == array).all()) for known in solve.states)
+        alike: Iterable[bool] = (same(known.owned, array) for known in solve.states)
         if self.space.comm.size > 1:
             alike = self.space.reduce(np.array(list(alike)), MPI.LAND)
-        for known, same in zip(solve.states, alike, strict=True):
-            if same:
+        for known, is_it in zip(solve.states, alike, strict=True):
+            if is_it:
                 return known
         solve.states = [Positions(self.space, array.copy()), *solve.states[:1]]
         return solve.states[0]
@@ -184,7 +184,7 @@ class Newton:
 
     def require_finite(self, direction: np.ndarray) -> None:
         """Raises SimulationError on all ranks unless a direction is finite on all of them. Collective."""
-        if not self.space.reduce(bool(np.isfinite(direction).all()), MPI.LAND):
+        if not self.space.reduce(is_finite(direction), MPI.LAND):
             raise SimulationError("the linear solve gave NaN or infinity")
 
     def _slope(self, direction: np.ndarray) -> float:
@@ -193,7 +193,7 @@ class Newton:
 
     def _speed(self, path: np.ndarray) -> float:
         """The largest row of a path (n_owned, d) over the step's length in time [m/s]. Collective."""
-        mine = np.sqrt(np.max(np.sum(path**2, axis=1), initial=0.0))
+        mine = np.sqrt(np.max(np.einsum("nd,nd->n", path, path), initial=0.0))
         return self.space.reduce(float(mine), MPI.MAX) / self._dt
 
     def _begin_iteration(self, x: Positions, direction: np.ndarray, free: float | None) -> float:
@@ -229,7 +229,7 @@ class Newton:
         if last is None:
             return ""
         if solve.trials > 1:
-            last = replace(last, backtracks=solve.trials - 1)
+            last.backtracks = solve.trials - 1
             solve.report.backtracks += last.backtracks
         if last.at_rounding or last.meets:
             solve.projection = "clamp"
@@ -238,8 +238,7 @@ class Newton:
             solve.projection = next_projection(kept, last.full, self.linear.detects_indefinite)
             if solve.projection == "none" and solve.unprojected_failed:
                 solve.projection, solve.unprojected_failed = "clamp", False
-            last = replace(last, as_promised=TRUSTED <= kept <= TOO_STIFF)
-        solve.last = last
+            last.as_promised = TRUSTED <= kept <= TOO_STIFF
         solve.stalled = solve.stalled + 1 if gains_nothing(last, solve.before) else 0
         why = stops(last, solve.before, solve.tolerance)
         return "" if why and self._goes_on(last, why) else why

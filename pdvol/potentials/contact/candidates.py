@@ -12,9 +12,9 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.compiled import ffi, pointer
-from pdvol.potentials.contact.pair_list import PairList, same
+from pdvol.potentials.contact.pair_list import PairList
 from pdvol.potentials.contact.surface import ContactSurface
-from pdvol.potentials.potential import LEAST_LEFT
+from pdvol.potentials.potential import LEAST_LEFT, same
 
 # contact_t and fade_t of pdvol/native/interface.h
 CONTACT = np.dtype(

@@ -17,6 +17,7 @@ import numpy as np
 
 from pdvol.compiled import ffi, pointer
 from pdvol.potentials.contact.surface import Primitives
+from pdvol.potentials.potential import same
 
 # slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
 LIST_SLACK = 0.1
@@ -125,11 +126,6 @@ class Visit:
     def turned(self) -> tuple[float, np.ndarray]:
         back, turns = self._objects.moved_back(self._reference[0], self.place)
         return self._objects.spare(*self._reference, back, self._room), turns
-
-
-def same(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two arrays have the same numbers."""
-    return one is other or np.array_equal(one, other)
 
 
 def largest_change(start: np.ndarray, end: np.ndarray) -> float:
