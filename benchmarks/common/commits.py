@@ -43,11 +43,6 @@ class Repository:
             raise MissingObject(f"{len(found)} objects begin with {start!r}; more digits, or a deeper clone, may help")
         return found.pop().decode()
 
-    def read(self, name: str) -> tuple[str, bytes]:
-        """Kind and content of an object."""
-        found = self._object(name)
-        return found.type_name.decode(), found.as_raw_string()
-
     def files(self, commit: str) -> Iterator[tuple[str, bytes]]:
         """Paths and contents of a commit's files, without links and submodules; MissingObject where it is none."""
         found = self._object(commit)
@@ -56,14 +51,6 @@ class Repository:
         for entry in iter_tree_contents(self._repo.object_store, found.tree):
             if entry.mode & 0o170000 == 0o100000:
                 yield entry.path.decode(), self._object(entry.sha.decode()).as_raw_string()
-
-    def tree(self, commit: str) -> str:
-        """The id of a commit's root folder."""
-        return self._object(commit).tree.decode()
-
-    def listed(self, tree: str) -> dict[str, str]:
-        """What a folder has: names and ids."""
-        return {entry.path.decode(): entry.sha.decode() for entry in self._object(tree).items()}
 
     def write(self, commit: str, folders: tuple[str, ...], to: Path) -> None:
         """Writes a commit's files below `folders` into a folder."""

@@ -1,87 +1,62 @@
-"""Which commit each page of the gallery is of, and which of its numbers are older than the solver."""
+"""Which numbers of the gallery are older than the solver: the quick levels of each run are simulated anew."""
 
-import ast
-import re
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
-from benchmarks.common.commits import MissingObject, Repository
-from benchmarks.common.tables import table
-from demos.gallery.entries import DEMOS, Entry
-from demos.gallery.shots import commits, read_costs
+import numpy as np
 
-FOLDERS = ("geometry", "integrate", "levels", "measure", "meshing", "potentials", "runs", "scene", "solve", "store")
-FILES = ("compat.py", "compiled.py", "registry.py")
-SOLVER = (*(f"pdvol/{name}" for name in (*FOLDERS, *FILES)), "forms")
-"""What may change a number of a page: compiled.py has the compiler's options. Commands and the studio cannot."""
-LAUNCHER = "launcher.py"
-"""Of `pdvol/runs`, what cannot: a page's runs have one rank."""
+from benchmarks.common.tables import number, table
+from demos.gallery.entries import Entry
+from demos.gallery.shots import commits, costs, read_costs
+from pdvol.runs.runner import Execution, run_scene
+from pdvol.runs.scene_file import load_shot
+from pdvol.store.reader import open_run
 
-
-class History:
-    """What commits have at some paths. Raises MissingObject outside of a repository."""
-
-    def __init__(self, folder: Path):
-        self._repository = Repository(folder)
-        self.head = self._repository.head()
-        self._root = lru_cache(None)(self._repository.tree)
-        self._listed = lru_cache(None)(self._repository.listed)
-        self._code = lru_cache(None)(self._read_code)
-        self._root(self.head)
-
-    def same(self, commit: str, path: str) -> bool:
-        """Whether a commit has the same at a path as the one that is checked out, but for comments."""
-        before, now = (self._entry(each, path) for each in (self._repository.full(commit), self.head))
-        return before == now or bool(before and now) and self._code(before, path) == self._code(now, path)
-
-    def _entry(self, commit: str, path: str) -> str:
-        """The id of what a commit has at a path; empty where it has nothing."""
-        name = self._root(commit)
-        for part in path.split("/"):
-            name = self._listed(name).get(part, "") if name else ""
-        return name
-
-    def _read_code(self, name: str, path: str) -> object:
-        """What an object says without comments, to compare: a file's code, or that of each file of a folder."""
-        kind, content = self._repository.read(name)
-        if kind == "tree":
-            return {file: self._code(inner, file) for file, inner in self._listed(name).items() if file != LAUNCHER}
-        if path.endswith(".py"):
-            return ast.dump(ast.parse(content))
-        return re.sub(rb"/\*.*?\*/", b"", content, flags=re.DOTALL) if path.endswith((".c", ".h")) else name
+QUICK = 60.0
+"""CPU time [s] of a level up to which it is simulated anew: all runs together then take a quarter of an hour."""
+ITERATIONS = 0.05
+"""Share of the Newton iterations a step, without a unit: round-off and another processor change that many."""
+MOVED = 0.02
+"""Share of a level's size, without a unit: by less, centre and size differ where bodies bounce in another order."""
 
 
-def table_of_ages(entries: Sequence[Entry], pages: Path, repository: Path = DEMOS.parent) -> tuple[str, int]:
-    """Markdown with a row a run, and how many runs have numbers that are older than the solver. Raises MissingObject
-    where the folder is no git repository.
-    """
-    history = History(repository)
+def table_of_ages(entries: Sequence[Entry], pages: Path) -> tuple[str, int]:
+    """Markdown with a row a run, and how many runs have numbers that are older than the solver."""
     found = [(each, read_costs(each, pages)) for entry in entries for each in entry.rows]
-    rows = [_row(each, kept, history) for each, kept in found if kept]
+    rows = [_row(each, kept) for each, kept in found if kept]
     old = sum(row[-1] != "nothing" for row in rows)
     text = (
-        f"{table(['run', 'made at', 'direct run made at', 'older'], rows)}\n\nAt commit {history.head[:7]}:"
-        f" {len(rows) - old} of {len(rows)} runs have all their numbers of this solver and demo; {old} have older ones."
+        f"{table(['run', 'made at', 'direct run made at', 'levels', 'older'], rows)}\n\n"
+        f"{len(rows) - old} of {len(rows)} runs have the numbers of this solver; {old} have older ones."
     )
     return text, old
 
 
-def _row(entry: Entry, kept: Mapping, history: History) -> list[str]:
-    paths = (*SOLVER, f"demos/{entry.file.name}")
-    made, directly = commits(kept["made"]), commits(kept["made_directly"]) if entry.direct else ""
+def _row(entry: Entry, kept: Mapping[str, Any]) -> list[str]:
+    levels, direct = kept["levels"], kept["direct"][:1]  # level 0 has no ties
+    last = max((i for i, each in enumerate(levels) if each["cpu"] * each["steps"] <= QUICK), default=0)
+    with TemporaryDirectory() as folder:
+        run_scene(load_shot(entry.file, entry.settings), Path(folder) / "run", last=last, how=Execution(xdmf=False))
+        now = costs(open_run(Path(folder) / "run"))
     older = [
-        f"{name} ({age})"
-        for name, at in (("the run", made), ("the direct run", directly))
-        if at and (age := _age(at, paths, history))
+        f"level {one['level']}: {age}" for one, other in zip(levels, now, strict=False) if (age := _age(one, other))
     ]
-    return [entry.name, made or "unknown", directly or "-", "; ".join(older) or "nothing"]
+    older += [f"by `--method direct`: {age}" for one in direct if (age := _age(one, now[0]))]
+    made = commits(kept["made"]), commits(kept["made_directly"]) if direct else "-"
+    return [entry.name, *made, f"0 to {last}", "; ".join(older) or "nothing"]
 
 
-def _age(made: str, paths: Sequence[str], history: History) -> str:
-    """What differs between some commits and the one that is checked out; empty where nothing does."""
-    try:
-        changed = [path for path in paths if not all(history.same(commit, path) for commit in made.split(", "))]
-    except MissingObject:
-        return "its commit is not in this repository"
-    return f"{', '.join(changed)} changed since" if changed else ""
+def _age(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """How a level differs from what is kept of it; empty where it does not."""
+    for name in ("vertices", "cells", "steps"):
+        if kept[name] != now[name]:
+            return f"{kept[name]:,} instead of {now[name]:,} {name}"
+    if abs(kept["newton"] - now["newton"]) > ITERATIONS * now["newton"]:
+        return f"{number(kept['newton'])} instead of {number(now['newton'])} iterations a step"
+    before, after = (np.array(level.get("motion", ())) for level in (kept, now))
+    if before.shape != after.shape:
+        return "its motion is not kept"
+    apart = float(np.abs(before - after).max() / after[:, -1].max())
+    return f"places {number(apart, 2)} of its size away" if apart > MOVED else ""

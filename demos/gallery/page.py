@@ -35,7 +35,7 @@ Each page has a film of the levels beside each other, claims that are checked on
 
 The model is {MODEL}, unless the page names another one.
 `./run python -m demos.gallery NAME` makes a page, and simulates first what is not stored; `{RUNS}/NAME.html` plays
-the run. With `--check` instead of NAME it lists the pages' commits, and which numbers are older than the solver.
+the run. `--check` simulates the quick levels anew and says which numbers are older than the solver.
 
 ## What a preview saves
 

@@ -24,7 +24,8 @@ HEAD = [
 
 def costs(run: Run) -> list[dict[str, Any]]:
     """Of each level with steps: `level`, `vertices`, `cells`, `steps`, `cpu` [s] and `newton` (iterations), both means
-    over the steps, and `contacts`, the most in a step.
+    over the steps, `contacts`, the most in a step, and `motion`: after each quarter of the shot the centre of the
+    vertices, and how far they are from it in the root mean square [m].
     """
     return [
         {
@@ -35,10 +36,16 @@ def costs(run: Run) -> list[dict[str, Any]]:
             "cpu": float(np.mean([record["seconds"]["cpu"] for record in level.log])),
             "newton": float(np.mean([record["newton_iterations"] for record in level.log])),
             "contacts": max(record["contacts"] for record in level.log),
+            "motion": [_place(level.positions((level.steps - 1) * k // 4)) for k in range(1, 5)],
         }
         for level in run.levels
         if level.steps > 1
     ]
+
+
+def _place(points: np.ndarray) -> list[float]:
+    centre = points.mean(axis=0)
+    return [*centre.tolist(), float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))]
 
 
 def write_costs(

@@ -7,10 +7,11 @@ import pytest
 
 from benchmarks.common.tables import number
 from demos.gallery.__main__ import PAGES, main
+from demos.gallery.check import table_of_ages
 from demos.gallery.entries import Entry, Variant
 from demos.gallery.shots import commits, costs, read_costs, table_of_shots, write_costs
 from demos.gallery.shown import ENTRIES
-from demos.gallery.simulation import commit, settings_by, simulate_small
+from demos.gallery.simulation import settings_by, simulate_small
 from pdvol.store.files import write_json
 
 MELT = next(entry for entry in ENTRIES if entry.name == "melt")
@@ -82,17 +83,23 @@ def test_a_variant_is_the_same_demo():
     assert other.title == "A tower melts and sets: A stiff one" and other.rows == (other,)
 
 
-def test_check_says_of_each_page_which_commit_it_is_of(capsys):
-    code = main(["--check"])
-    if not commit():
-        assert code == 2
-    else:
-        lines = capsys.readouterr().out.splitlines()
-        runs = [entry.name for entry in ENTRIES]
-        assert set(runs) <= {line.split(" | ")[0].strip("| ") for line in lines}
-        assert lines[-1].startswith(f"At commit {commit()[:7]}: ")
-        older = [line for line in lines[2:-2] if not line.endswith("| nothing |")]
-        assert code == (1 if older else 0) and f"; {len(older)} have older ones." in lines[-1]
-    for wrong in ([], ["--check", "melt"]):
-        with pytest.raises(SystemExit):
-            main(wrong)
+def test_check_finds_a_page_that_is_older_than_the_solver(tmp_path):
+    entry = replace(MELT, settings=MELT.small)
+    run = simulate_small(MELT, tmp_path / "run")
+    write_costs(run, run, {"commits": ["57d0d06"]}, {}, tmp_path / "melt.json")
+    text, old = table_of_ages([entry], tmp_path)
+    assert old == 0 and text.endswith("1 of 1 runs have the numbers of this solver; 0 have older ones.")
+    found = read_costs(entry, tmp_path)
+    found["levels"][1]["newton"] *= 1.1
+    found["direct"][0]["motion"][3][1] += 0.03 * found["levels"][0]["motion"][3][-1]
+    write_json(tmp_path / "melt.json", found)
+    text, old = table_of_ages([entry], tmp_path)
+    assert old == 1 and "| level 1: " in text and "; by `--method direct`: places 0.0" in text
+
+
+@pytest.mark.parametrize("wrong", [[], ["--chekc"], ["--check", "nonsense"]])
+def test_wrong_words_end_with_2(wrong):
+    try:
+        assert main(wrong) == 2
+    except SystemExit as end:
+        assert end.code == 2
