@@ -1,0 +1,55 @@
+"""Fingers that lift a ball, a fist that kneads dough, a hammer on a slice: bodies between what moves and what stands."""
+
+import numpy as np
+import pytest
+
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Path, Placement, Plane, Rigid, Scene
+from pdvol.meshes import ball, box, cylinder
+
+UP = (0.0, 1.0, 0.0)
+
+
+def shot(shape, young, at, mu, steps, *movers):
+    body = Body(shape, NeoHookean(young, 0.45), (150,), name="body", placement=Placement((0.0, at, 0.0)))
+    return Scene(
+        (body,),
+        obstacles=(Plane((0.0, 0.0, 0.0), UP, name="floor"), *movers),
+        loads=(Gravity((0.0, -9.81, 0.0)),),
+        contact=(Barrier(), Friction(mu)),
+        dt=0.01,
+        steps=steps,
+    )
+
+
+def pinch():
+    def finger(side):
+        ways = ((0.0, 0.0, 0.0), (-0.075 * side, 0.0, 0.0), (-0.075 * side, 0.4, 0.0))
+        along = Path((0.0, 0.3, 0.8), ways)
+        return Rigid(box((0.05, 0.12, 0.1)), Placement((0.16 * side, 0.1, 0.0)), along, f"finger {side}")
+
+    return shot(ball(0.1), 2e4, 0.101, 0.8, 85, finger(-1), finger(1))
+
+
+def knead():
+    t = np.linspace(0.0, 1.2, 49)
+    down = -0.07 * (1.0 - np.cos(2.0 * np.pi * t)) - 0.04 * np.minimum(t, 1.0)
+    along = Path(tuple(t), tuple(zip(0.05 * np.sin(np.pi * t), down, 0.0 * t, strict=True)))
+    return shot(ball(0.2), 5e3, 0.203, 0.5, 120, Rigid(ball(0.1), Placement((0.0, 0.51, 0.0)), along, "fist"))
+
+
+def hammer():
+    blows = [(0.3 * k + 0.1 * i, (0.04 * k - 0.1, -0.26 * (i == 1), 0.0)) for k in range(3) for i in range(3)]
+    face = Rigid(cylinder(0.07, 0.15, 24), Placement((0.0, 0.38, 0.0)), Path(*zip(*blows, strict=True)), "hammer")
+    return shot(box((0.4, 0.1, 0.4)), 2e4, 0.051, 0.5, 90, face)
+
+
+@pytest.mark.parametrize("squeeze", [pinch, knead, hammer])
+def test_no_step_is_long_and_nothing_waits(squeeze):
+    scene = squeeze()
+    steps = list(pdvol.march(scene))
+    iterations = [step.report.newton_iterations for step in steps]
+    assert len(steps) == scene.steps and np.mean(iterations) <= 15 and max(iterations) <= 60
+    assert max(step.report.behind for step in steps) == 0.0
+    heights = steps[-1].positions[:, 1]
+    assert heights.min() > (0.3 if squeeze is pinch else 0.0)
