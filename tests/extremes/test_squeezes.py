@@ -1,4 +1,4 @@
-"""Fingers that lift a ball, a fist that kneads dough, a hammer on a slice: bodies between what moves and what stands."""
+"""Bodies between what moves and what stands: fingers that lift a ball, a fist that kneads dough, a hammer."""
 
 import numpy as np
 import pytest
