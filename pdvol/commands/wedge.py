@@ -84,7 +84,7 @@ def _make(options: Namespace) -> None:
     _check_seek(options)
     shot, varies = chosen_shot(options), parsed_varies(options.vary, TAKEN)
     texts = [*([options.seek] if options.seek else []), *(text for text in options.score if text != options.seek)]
-    wedge = Wedge.of(shot, options.out, chosen_scores(texts, shot.file))
+    wedge = Wedge.of(shot, options.out, chosen_scores(texts, shot))
     with wedge.taken():
         if options.seek:
             _seek(options, wedge, varies, jobs)
