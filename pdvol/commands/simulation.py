@@ -16,7 +16,7 @@ from pdvol.stages import stage
 
 if TYPE_CHECKING:
     from pdvol.scene import Scene
-    from pdvol.studio.wedge.worker import Worker
+    from pdvol.studio.workers import Worker
 
 
 def this_rank() -> int:
@@ -122,7 +122,7 @@ class Outputs:
 
 @cache
 def _painter() -> "Worker":
-    from pdvol.studio.wedge.worker import Worker
+    from pdvol.studio.workers import Worker
 
     return Worker("pdvol.studio.draw.renderer")
 

@@ -30,7 +30,7 @@ from pdvol.studio.wedge.scores import Score, chosen_scores
 from pdvol.studio.wedge.variation import Variation
 from pdvol.studio.wedge.vary import TAKEN, Vary, chosen_variations, parsed_varies
 from pdvol.studio.wedge.wedge import Wedge, stored_runs
-from pdvol.studio.wedge.worker import Workers
+from pdvol.studio.workers import Workers
 
 MOST_THUMBNAILS = 48  # of a table in a notebook
 THUMBNAIL_WIDTH = 140  # pixels, of one of them
