@@ -11,8 +11,8 @@ import sys
 import sysconfig
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -95,10 +95,10 @@ class Library:
         """Builds those for dimension d in a thread, unless they exist. Where that fails, their first use does."""
 
         def build() -> None:
-            with suppress(PdvolError, RuntimeError):  # the second: the interpreter ends
+            with suppress(PdvolError, OSError):
                 self[d]
 
-        Thread(target=build, name="pdvol-compiler").start()
+        Thread(target=build, name="pdvol-compiler", daemon=True).start()  # an interrupt does not wait for it
 
 
 def _load(folder: Path, definitions: Mapping[str, int]) -> Any:
@@ -151,17 +151,22 @@ def build(sources: Sequence[Path], target: Path, words: Sequence[str] = ()) -> N
     parts = list(sources)
     if len(parts) > 1:
         parts = [target.with_suffix(f".{number}.o") for number in range(len(sources))]
-        with ThreadPoolExecutor(cores()) as pool:
-            list(pool.map(lambda source, part: _call([*command, "-c", str(source), "-o", str(part)]), sources, parts))
-    _call([*command, "-shared", *map(str, parts), "-o", str(target), "-lm"])
+        _call([[*command, "-c", str(source), "-o", str(part)] for source, part in zip(sources, parts, strict=True)])
+    _call([[*command, "-shared", *map(str, parts), "-o", str(target), "-lm"]])
 
 
-def _call(command: Sequence[str]) -> None:
-    try:
-        subprocess.run(command, check=True, capture_output=True, text=True)
-    except (OSError, subprocess.CalledProcessError) as error:
-        detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
-        raise InputError(f"the C compiler {command[0]} failed: {detail[-1] if detail else error}") from None
+def _call(commands: Sequence[Sequence[str]]) -> None:
+    """Carries out command lines, as many at a time as there are cores, without threads that the process waits for."""
+    waiting, running, failed = deque(commands), deque[subprocess.Popen](), list[str]()
+    while waiting or running:
+        while waiting and len(running) < cores():
+            running.append(
+                subprocess.Popen(waiting.popleft(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            )
+        said = running[0].communicate()[1].strip().splitlines()
+        failed += [said[-1] if said else "it prints nothing"] if running.popleft().returncode else []
+    if failed:
+        raise InputError(f"the C compiler {commands[0][0]} failed: {failed[0]}")
 
 
 @cache

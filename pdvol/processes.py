@@ -191,7 +191,8 @@ def _serve(file: str, parent: str, kept: str, modules: str) -> None:
         if cpu_seconds < math.inf:
             limit_processor_time(cpu_seconds)
         if memory is not None:
-            resource.setrlimit(resource.RLIMIT_AS, (_address_space() + memory, most))
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            resource.setrlimit(resource.RLIMIT_AS, (pages * os.sysconf("SC_PAGESIZE") + memory, most))
         try:
             answer = True, function(*given)
         except (InputError, MemoryError) as error:
@@ -204,11 +205,6 @@ def _serve(file: str, parent: str, kept: str, modules: str) -> None:
 def _peak_memory() -> int:
     """[kilobytes]"""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def _address_space() -> int:
-    """[bytes]"""
-    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGESIZE")
 
 
 def die_with_parent() -> None:

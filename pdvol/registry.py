@@ -113,10 +113,7 @@ the default.
 
 INTEGRATORS = Registry(
     "integrator",
-    {
-        "bdf2": "pdvol.integrate.integrator:BDF2",
-        "implicit_euler": "pdvol.integrate.integrator:ImplicitEuler",
-    },
+    {"bdf2": "pdvol.integrate.integrator:BDF2", "implicit_euler": "pdvol.integrate.integrator:ImplicitEuler"},
 )
 """Time integrators (`pdvol.integrate.integrator`). The first one is the default."""
 

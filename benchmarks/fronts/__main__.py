@@ -19,7 +19,7 @@ from benchmarks.common.tables import Page, number, table
 from benchmarks.fronts import trials
 from pdvol.studio.study.conclusions import length, option_text
 from pdvol.studio.study.front import cheapest_within, most_accurate_within
-from pdvol.studio.study.page import front_image
+from pdvol.studio.study.page import front_figure
 
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "spike": ("demos/ball_on_spike.py", ()),
@@ -69,7 +69,7 @@ def main(options) -> None:
         Page(Path(__file__).with_name("NOTES.md"), "fronts", "table").write(text)
         for name, study in studies.items():
             if study["points"]:
-                front_image(REPOSITORY / "docs" / "pictures" / f"front_{name}.png", study)
+                front_figure(study).savefig(REPOSITORY / "docs" / "pictures" / f"front_{name}.png", dpi=110)
 
 
 def fronts_table(studies: dict[str, dict]) -> str:

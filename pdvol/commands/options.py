@@ -3,6 +3,7 @@
 import sys
 from argparse import Action, ArgumentParser, BooleanOptionalAction, Namespace
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -156,20 +157,30 @@ def chosen_shot(options: Namespace, file: Path | None = None) -> "Shot":
     from pdvol.stages import stage
 
     file = options.scene if file is None else file
-    steps, hand = getattr(options, "steps", None), getattr(options, "hand", None)
+    steps, hand, branch = (getattr(options, name, None) for name in ("steps", "hand", "branch"))
     with stage(f"loading {file}"):
         from pdvol.runs.scene_file import load_shot, parse_settings, with_hand
         from pdvol.scene import Hand
         from pdvol.scene.fingerprint import not_compared
 
-        shot = load_shot(file, parse_settings(options.set), steps)
+        settings, usual = parse_settings(options.set), None
+        if "dt" in settings and "steps" not in settings and steps is None and branch is None:
+            with suppress(InputError):  # a scene may ask for it
+                usual = load_shot(file, {name: settings[name] for name in settings if name != "dt"}).scene
+        shot = load_shot(file, settings, steps)
         if hand is not None:
             if not hand.is_file():
                 raise InputError(f"{hand}, what a hand did, is missing")
             shot = with_hand(shot, Hand(hand), Hand(hand).steps if steps is None else steps)
-    for line in not_compared(shot.description()):
-        if this_rank() == 0:
-            print(
-                f"note: {line} cannot be compared: a change of it goes unnoticed when the run goes on", file=sys.stderr
-            )
+    unseen = "cannot be compared: a change of it goes unnoticed when the run goes on"
+    notes = [f"{line} {unseen}" for line in not_compared(shot.description())]
+    if usual is not None:
+        count, dt, lasted = shot.scene.steps, shot.scene.dt, usual.steps * usual.dt
+        mend = f"add --set steps={round(lasted / dt)} to keep that"
+        if hand is not None:
+            lasted, mend = count * usual.dt, "a hand has a line for each step"
+        if abs(count * dt - lasted) >= 0.5 * dt:
+            notes.append(f"{count} steps of {dt:g} s: the shot lasts {count * dt:g} s instead of {lasted:g} s; {mend}")
+    for note in notes if this_rank() == 0 else ():
+        print(f"note: {note}", file=sys.stderr)
     return shot

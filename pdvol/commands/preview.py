@@ -42,17 +42,12 @@ def main(options: Namespace) -> None:
             except PdvolError as error:
                 print(f"pdvol: {error}", file=sys.stderr)
             print(f"watching {options.scene}; stop with Ctrl-C", file=sys.stderr)
-            _wait_for_save(options.scene, before)
+            last = before  # until they have changed and were alike in two looks: a save empties a file, then fills it
+            while (now := _sources(options.scene)) == before or now != last:
+                last = now
+                time.sleep(LOOK)
     except KeyboardInterrupt:
         return
-
-
-def _wait_for_save(scene: Path, before: dict[Path, int]) -> None:
-    """Until the sources differ from `before` and were the same in two looks: a save empties a file, then fills it."""
-    last = before
-    while (now := _sources(scene)) == before or now != last:
-        last = now
-        time.sleep(LOOK)
 
 
 def _preview(options: Namespace) -> None:

@@ -16,7 +16,7 @@ from pdvol.stages import stage
 
 if TYPE_CHECKING:
     from pdvol.scene import Scene
-    from pdvol.studio.wedge.worker import Worker
+    from pdvol.studio.workers import Worker
 
 
 def this_rank() -> int:
@@ -38,7 +38,7 @@ class Outputs:
     """
 
     def __init__(self, options: Namespace, out: Path, scene: "Scene | None" = None):
-        self.options, self.out, self._begun = options, out, options.no_picture
+        self.options, self.out, self._begun, self._before = options, out, options.no_picture, 0.0
         self._refused: LevelError | None = None
         beside = not self._begun and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
         self._worker = _painter() if beside else None
@@ -49,7 +49,9 @@ class Outputs:
         """
         from pdvol.runs.progress import Progress
         from pdvol.runs.runner import Execution
+        from pdvol.store.folder import holds_run, last_write
 
+        self._before = last_write(self.out)
         wavefront, xdmf = getattr(self.options, "wavefront", False), not self.options.no_xdmf
         how = Execution(
             Progress if this_rank() == 0 else None, wavefront, self.options.ranks, xdmf, replace, self._draw
@@ -57,8 +59,6 @@ class Outputs:
         try:
             run(*arguments, how=how)
         except LevelError as error:
-            from pdvol.store.folder import holds_run
-
             if error.level == 0 or not holds_run(self.out):  # what it may hold is an earlier command's
                 raise
             self._refused = error
@@ -75,6 +75,7 @@ class Outputs:
     def _report(self) -> None:
         from pdvol.runs.run_metrics import last_animation
         from pdvol.runs.run_summary import held_back_lines, solver_lines
+        from pdvol.store.folder import last_write
         from pdvol.store.reader import open_run
 
         self._draw()
@@ -82,14 +83,18 @@ class Outputs:
         run, options = open_run(self.out), self.options
         lost = (note for mesh in run.render_meshes for note in mesh.notes)
         notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run), *lost)]
+        if self._before == last_write(self.out):
+            notes.append(f"{self.out}: all levels have all steps; nothing was left to simulate")
         made = (("level_N.xdmf", options.no_xdmf), ("picture.png", options.no_picture))
         *files, last = ["states", "log.jsonl", *(name for name, left_out in made if not left_out)]
         lines = [*notes, *held_back_lines(run), f"{self.out}: {', '.join(files)} and {last}", last_animation(run)]
         print("\n".join(line for line in lines if line is not None), file=sys.stderr)
 
     def _draw(self) -> None:
-        """Draws, or has the process draw, once."""
-        if self._begun:
+        """Draws, or has the process draw, once; not again what a picture shows."""
+        from pdvol.store.folder import is_newer
+
+        if self._begun or (is_newer(self.out / "picture.png", self.out) and not self.options.facets):
             return
         self._begun = True
         with suppress(RuntimeError):  # the process has ended
@@ -117,7 +122,7 @@ class Outputs:
 
 @cache
 def _painter() -> "Worker":
-    from pdvol.studio.wedge.worker import Worker
+    from pdvol.studio.workers import Worker
 
     return Worker("pdvol.studio.draw.renderer")
 

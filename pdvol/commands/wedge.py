@@ -84,7 +84,7 @@ def _make(options: Namespace) -> None:
     _check_seek(options)
     shot, varies = chosen_shot(options), parsed_varies(options.vary, TAKEN)
     texts = [*([options.seek] if options.seek else []), *(text for text in options.score if text != options.seek)]
-    wedge = Wedge.of(shot, options.out, chosen_scores(texts, shot.file))
+    wedge = Wedge.of(shot, options.out, chosen_scores(texts, shot))
     with wedge.taken():
         if options.seek:
             _seek(options, wedge, varies, jobs)
@@ -116,7 +116,7 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: in
     """Make the runs, or print their command lines; whether all have ended."""
     from pdvol.studio.wedge.results import progress
     from pdvol.studio.wedge.vary import chosen_variations
-    from pdvol.studio.wedge.worker import Workers
+    from pdvol.studio.workers import Workers
 
     sample = options.sample
     if varies or sample is not None or options.jitter is not None or not wedge.entries:
@@ -138,7 +138,7 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: in
 def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", count: int) -> None:
     from pdvol.studio.wedge.results import progress
     from pdvol.studio.wedge.search import Until, seek_best
-    from pdvol.studio.wedge.worker import Workers
+    from pdvol.studio.workers import Workers
 
     runs = SEEK_RUNS if options.runs is None else options.runs
     if runs < 1:

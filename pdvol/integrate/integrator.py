@@ -117,12 +117,7 @@ class BDF2:
 
 
 def advance(
-    integrator: Integrator,
-    past: Past,
-    positions: np.ndarray,
-    dt: float,
-    anew: bool = False,
-    struck: bool = False,
+    integrator: Integrator, past: Past, positions: np.ndarray, dt: float, anew: bool = False, struck: bool = False
 ) -> Past:
     """The past after a step of dt [s] that led to `positions` (n, d). One in which contact `struck` (`Stepper`) is a
     step of implicit Euler, from which the integrator starts anew. It also starts anew where the next step begins

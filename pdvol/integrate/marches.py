@@ -55,11 +55,7 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
 
 
 def progressive(
-    stepper: Stepper,
-    prolongation: Prolongation,
-    coarse: Callable[[int], Past],
-    start: Start,
-    steps: int,
+    stepper: Stepper, prolongation: Prolongation, coarse: Callable[[int], Past], start: Start, steps: int
 ) -> Iterator[StepReport]:
     """Steps of a level that the coarser one leads, up to step `steps`. Collective.
 

@@ -114,7 +114,7 @@ class Stepper:
         self.watch = Stopwatch()
         script = Script(model.supports, model.obstacles, model.ground)
         built = build_terms(model, space, coarser.guides, script, terms)
-        self.potential = IncrementalPotential(space, built, self.watch)
+        self.potential = IncrementalPotential(space, built, self.watch, model.bodies)
         self.motion, self._script = ScriptedMotion(space, script, model.start, model.dt), script
         states = self.integrator.states
         self._lags = deque[Mapping[Mover, float]]([{}] * states, maxlen=states)  # at steps' starts, newest first

@@ -82,7 +82,10 @@ def taken_velocity(taken: TakeOver, points: np.ndarray, on_surface: np.ndarray, 
     last = len(frames.times) - 1
     _matched(cache, frames, last, points[on_surface], whose)
     used = range(max(0, last - 2), last + 1)
-    places, velocity = [frames.frame(k) for k in used], _end_velocity(frames, used)
+    places = [frames.frame(k) for k in used]
+    powers = np.vander(frames.times[list(used)] - frames.times[last], increasing=True)  # of polynomials sum_j a_j t^j
+    slope = np.linalg.inv(powers)[1]  # a_1, that at the last frame of the polynomial through them
+    velocity = sum((s * place for s, place in zip(slope, places, strict=True)), np.zeros(1))
     if not taken.rigid:
         return _nearest(places[-1], frames.faces, points).on(velocity)
     before, after = (place - place.mean(axis=0) for place in places[-2:])
@@ -92,14 +95,6 @@ def taken_velocity(taken: TakeOver, points: np.ndarray, on_surface: np.ndarray, 
         spin = np.arctan2(turn[1, 0], turn[0, 0]) / duration
         return velocity.mean(axis=0) + spin * np.column_stack([-relative[:, 1], relative[:, 0]])
     return velocity.mean(axis=0) + np.cross(Turn.from_matrix(turn).as_rotvec() / duration, relative)
-
-
-def _end_velocity(frames: Frames, used: range) -> np.ndarray:
-    """(m, d) [m/s]: the slope, at the last of two or three frames, of the polynomial through them."""
-    times = frames.times[list(used)] - frames.times[used[-1]]
-    powers = np.vander(times, increasing=True)  # of polynomials sum_j a_j t^j; the slope at t = 0 is a_1
-    slope = np.linalg.inv(powers)[1]
-    return sum((s * frames.frame(k) for s, k in zip(slope, used, strict=True)), np.zeros(1))
 
 
 def _matched(

@@ -192,7 +192,7 @@ def check_load_in_time(scene: Scene, load: Load, points: np.ndarray) -> None:
             at_time("gravity", load.acceleration, time, dim)
         elif isinstance(load, Impulse):
             at_time("Impulse.velocity", load.velocity, time, dim)
-        else:
+        else:  # what has a force: mypy finds a kind without one
             at_time(f"{type(load).__name__}.force", load.force, time, dim)
 
 

@@ -147,10 +147,7 @@ class Script:
     """
 
     def __init__(
-        self,
-        supports: Sequence[HeldPoints] = (),
-        obstacles: Sequence[Obstacle] = (),
-        ground: Sequence[Obstacle] = (),
+        self, supports: Sequence[HeldPoints] = (), obstacles: Sequence[Obstacle] = (), ground: Sequence[Obstacle] = ()
     ) -> None:
         self.movers: dict[str, Mover] = {f"support {i}": s for i, s in enumerate(supports) if s.moves}
         self.movers |= {f"obstacle {i}": o for i, o in enumerate(obstacles) if o.moves}

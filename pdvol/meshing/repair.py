@@ -289,8 +289,11 @@ def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: 
     for grown in (0.0, 0.5 * envelope) if envelope > 0.0 else ():
         steps: list[str] = []
         try:
-            given = _grown(points, triangles, grown * size), triangles
-            made, facets = in_child("libigl's union", united, *given, cpu_seconds=MESHER_SECONDS)
+            owner, first = shells(points, triangles)
+            distance: np.ndarray = np.zeros(len(points))  # one for each shell: what touches then crosses clearly
+            distance[triangles] = grown * size * (owner[:, None] + 1) / len(first)
+            moved = points + distance[:, None] * igl.per_vertex_normals(points, triangles)
+            made, facets = in_child("libigl's union", united, moved, triangles, cpu_seconds=MESHER_SECONDS)
             _check_left(facets, name)
             near = max(COINCIDENT, SLIVER * grown) * size
             made, facets, _ = _joined(*drop_unused(made, facets), near, None, steps)
@@ -314,14 +317,6 @@ def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: 
             reason = error
     done.append(f"nothing found that mends the rest ({reason})")
     return surface
-
-
-def _grown(points: np.ndarray, triangles: np.ndarray, most: float) -> np.ndarray:
-    """Points moved outward, each shell by another distance up to `most` [m]: what touches then crosses clearly."""
-    owner, first = shells(points, triangles)
-    distance: np.ndarray = np.zeros(len(points))
-    distance[triangles] = most * (owner[:, None] + 1) / len(first)
-    return points + distance[:, None] * igl.per_vertex_normals(points, triangles)
 
 
 def _comparison(before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray]) -> str:

@@ -76,11 +76,7 @@ def surface_share(surface: Surface, target: int) -> int:
 
 
 def tetrahedralise(
-    surface: Surface,
-    target: int,
-    name: str = "surface",
-    volume: float | None = None,
-    flat: FlatFaces | None = None,
+    surface: Surface, target: int, name: str = "surface", volume: float | None = None, flat: FlatFaces | None = None
 ) -> SizedMesh:
     """A tetrahedral mesh of about `target` vertices (see `edge_length`) inside a valid surface, with its shells and
     handles; `name` begins messages.
@@ -111,8 +107,10 @@ def in_parts(make: Callable[[Surface, int, str], SizedMesh], surface: Surface, t
     own, area = volume_and_area(surface)
     if own <= 0:
         raise MeshError(f"{name}: the surface encloses no volume; turn its triangles outward")
-    parts = split_shells(surface)
-    if len(parts) == 1:
+    owner, first = shells(surface.vertices, surface.triangles)
+    alone = (drop_unused(surface.vertices, surface.triangles[owner == shell]) for shell in range(len(first)))
+    parts = [Surface(points, triangles.astype(np.int32)) for points, triangles in alone]
+    if len(parts) == 1 or not all(enclosed_volume(part.vertices, part.triangles) > 0 for part in parts):
         return make(surface, target, name)
     h = edge_length(target, own, area, 3)
     fractions = [max(round(expected_vertices(h, *volume_and_area(p), 3)[1]), LEAST_OF_A_PART) for p in parts]
@@ -204,14 +202,6 @@ def volume_and_area(surface: Surface) -> tuple[float, float]:
     """Volume [m^3] inside a closed surface, and its area [m^2]."""
     points, triangles = surface.vertices, surface.triangles
     return enclosed_volume(points, triangles), float(facet_sizes(points, triangles).sum())
-
-
-def split_shells(surface: Surface) -> list[Surface]:
-    """The shells of a surface, each on its own; the whole surface where some shell is a cavity of another."""
-    owner, first = shells(surface.vertices, surface.triangles)
-    alone = [drop_unused(surface.vertices, surface.triangles[owner == shell]) for shell in range(len(first))]
-    parts = [Surface(points, triangles.astype(np.int32)) for points, triangles in alone]
-    return parts if all(enclosed_volume(part.vertices, part.triangles) > 0 for part in parts) else [surface]
 
 
 def _merged(meshes: list[SizedMesh]) -> SizedMesh:

@@ -1,6 +1,7 @@
 """The loads of a scene: shares of a vector, drag of flows, and pressure in closed bodies."""
 
 from collections.abc import Callable, Sequence
+from typing import assert_never
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Rates, Term
-from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Pressure, at_time
+from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 
 
 class DeadLoad(Term):
@@ -197,6 +198,8 @@ def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, mass: np.ndarr
     if isinstance(load, Force):
         shares = held / space.reduce(float(held.sum()))
         return DeadLoad(space, shares, lambda t0, t1: at_time("Force.force", load.force, t1, d))
+    if not isinstance(load, Impulse):
+        assert_never(load)
     push = np.asarray(load.velocity, dtype=float)
     return DeadLoad(space, held, lambda t0, t1: push / (t1 - t0) if t0 <= load.time < t1 else 0.0 * push)
 

@@ -89,7 +89,11 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
             info |= {"hand": RECORD, "channel": hand.channel}
             Hand(out / RECORD).keep(step)
         if before != now:
-            _forget(out, step)
+            records = read_log(out / "log.jsonl")
+            for record in records:
+                if record.get("step") == step:  # what the solver remembered of it with other settings
+                    record.pop("solver_memory", None)
+            write_log(out / "log.jsonl", records)
         begun = {"run": str(source.resolve()), "step": step, "parameters": run.info["parameters"], "whole": whole}
         write_json(out / "run.json", info | {**shot.kept(), "steps": shot.scene.steps, "branched": begun})
 
@@ -178,12 +182,3 @@ def _moved_otherwise(what: str, number: int, step: int) -> str:
         f"a run cannot go on from step {step}: {what} is elsewhere at step {number}; its motion may differ from step"
         f" {step + 1} on, or go on from an earlier step"
     )
-
-
-def _forget(out: Path, step: int) -> None:
-    """Drop from the records of a step what the solver remembered of it with other settings."""
-    records = read_log(out / "log.jsonl")
-    for record in records:
-        if record.get("step") == step:
-            record.pop("solver_memory", None)
-    write_log(out / "log.jsonl", records)

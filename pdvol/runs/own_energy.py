@@ -127,7 +127,7 @@ class Contact:
         self._barrier = contacts[0]
         self.dhat, self.kappa = self._barrier.dhat, self._barrier.kappa
         self._terms = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions)
-        self._potential = IncrementalPotential(self._space, self._terms, Stopwatch())
+        self._potential = IncrementalPotential(self._space, self._terms, Stopwatch(), self.bodies)
 
     def __repr__(self) -> str:
         names = [self.bodies[0] if len(self.bodies) == 1 else f"{len(self.bodies)} bodies"]
@@ -142,7 +142,8 @@ class Contact:
         Raises
         ------
         IntersectionError
-            At the first call: u is not free of intersections.
+            At the first call: u is not free of intersections. Later calls do not look, which takes as long as a
+            Hessian: where u was set by hand, call `intersections`.
         InputError
             The times do not ascend, a motion fails, or contact keeps an obstacle from its place at t0, for
             `move_obstacles` has not brought it there.

@@ -40,6 +40,7 @@ from pdvol.meshing.losses import named
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.verdict import POOR_QUALITY
 from pdvol.meshing.vtu import write_primitives, write_vtu
+from pdvol.potentials.elasticity import CauchyStress, elastic_terms
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.runs.separation import build_apart
@@ -50,6 +51,7 @@ from pdvol.stages import say, stage
 
 SAME_AREA = 1.1
 """Ratio of the areas that a support holds on two levels up to which they are the same part of the shape."""
+NO_STRESS = 1e-9  # of Young's modulus: stresses at rest below it are round-off
 GAP_RANGE = 10.0  # multiples of dhat: larger gaps do not touch in the first steps and are not searched for
 HIGH_STIFFNESS_RATIO = 1e4  # of Young's moduli: above it the iterative linear solver may fail
 COST_EXPONENT = 1.05  # of the vertices, fitted to benchmarks of 4,000 to 100,000 vertices
@@ -101,6 +103,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young
         result["stiffness_ratio"] = float(young.max() / young.min())
+        notes += _stress_notes(scene, meshes[0])
     with suppress(InputError):
         result["supports"] = [_held(scene, support, meshes) for support in scene.supports]
     notes += _support_notes(result["supports"])
@@ -118,10 +121,10 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         defects.append(found)
     if out is not None:
         _write_levels(out, scene, meshes, defects)
-    result["sound"] = not result["defects"]
-    if result["sound"] and seconds > 0 and scene.steps:
+    if not result["defects"] and seconds > 0 and scene.steps:
         with stage("estimating costs from level 0"):
             _estimate_costs(result, scene, meshes, obstacles, diagonal, seconds)
+    result["sound"] = not result["defects"]
     notes += _result_notes(result)
     return {**result, "notes": [f"note: {line}" for line in notes]}
 
@@ -145,6 +148,19 @@ def _target_notes(scene: Scene, meshes: Sequence[LevelMesh]) -> Iterator[str]:
             asked = body.vertices[level] if body.vertices else count
             if abs(count / asked - 1.0) > ACCEPTED_DEVIATION:
                 yield f"level {level}: body {body.name!r} has {count:,} vertices, asked for {asked:,}: the closest"
+
+
+def _stress_notes(scene: Scene, mesh: LevelMesh) -> Iterator[str]:
+    """A line for each body with a stress at rest, which a law of a user's own may have."""
+    materials, stresses = cell_materials(scene, mesh), np.zeros((len(mesh.cells), 3, 3))
+    if not all(law.psi.__module__.startswith("pdvol.") for law in materials.laws):
+        for _, term in zip(materials.laws, elastic_terms(LevelSpace(mesh, MPI.COMM_SELF), materials), strict=False):
+            CauchyStress(term).add_to(stresses, mesh.points)
+    sizes = np.abs(stresses[:, : mesh.dim, : mesh.dim]).max(axis=(1, 2))
+    for number in np.unique(mesh.bodies[sizes > NO_STRESS * materials.young]):
+        cell = np.where(mesh.bodies == number, sizes, 0.0).argmax()
+        name, law = scene.bodies[number].name, materials.laws[materials.law[cell]].__name__
+        yield f"body {name!r}: {law} has a stress of {sizes[cell]:.3g} Pa at rest, which sets it in motion"
 
 
 def _held(scene: Scene, support: Support, meshes: Sequence[LevelMesh]) -> dict:
@@ -280,7 +296,7 @@ def _estimate_costs(
             if time.perf_counter() - begin > seconds:
                 break
     except SimulationError as error:
-        result["notes"].append(f"level 0 cannot go on: {error}")
+        result["defects"].append(f"defect: {error}")
     if not spent:
         return
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

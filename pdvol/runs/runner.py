@@ -5,7 +5,7 @@ import shutil
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,7 @@ from pdvol.scene.hand import same_up_to
 from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
-from pdvol.store.folder import RECORD, holds_run, in_use, read_info, require_free, require_scene
+from pdvol.store.folder import RECORD, holds_run, in_use, is_newer, read_info, require_free, require_scene
 from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import Run, open_run
 from pdvol.store.render_meshes import write_render_meshes
@@ -59,7 +59,7 @@ class Execution:
         cores are idle when None
     ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
         cores for when None; `comm` then has one rank
-    xdmf : write level_N.xdmf at the end; without it `pdvol export` makes it later
+    xdmf : write level_N.xdmf at the end; without it `pdvol export` makes it later. Where states are newer when None
     replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
     done : called on rank 0 before level_N.xdmf is written, where all levels are done
     comm : of the ranks that take part
@@ -68,7 +68,7 @@ class Execution:
     progress: Watch | None = None
     wavefront: bool | None = False
     ranks: int | None = 1
-    xdmf: bool = True
+    xdmf: bool | None = True
     replace: bool = False
     done: Callable[[], object] = lambda: None
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_WORLD)
@@ -126,10 +126,12 @@ def run_scene(
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(comm, lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, how.replace))
     alone = comm.size > 1 or shot.file is None
-    with exported(comm, out, scene, obstacles, how.done) if how.xdmf else nullcontext():
+    left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
+    newer = lambda: max(left) <= 0 and all(is_newer(out / f"level_{level}.xdmf", out) for level in marched)
+    exports = how.xdmf or (how.xdmf is None and not on_root(comm, newer))
+    with exported(comm, out, scene, obstacles, how.done) if exports else nullcontext():
         try:
             if wavefront is None and not alone:
-                left = [scene.steps + 1 - writer.call("steps", level) for level in marched]
                 wavefront = side_by_side([len(levels.meshes[level].points) for level in marched], left)
             hierarchy = Hierarchy(levels.meshes, comm, prolongation)
             for together in [marched] if wavefront else [[level] for level in marched]:
@@ -192,6 +194,7 @@ def refine_run(out: str | Path, last: int, how: Execution = USUAL) -> Path:
     if shot.scene.played is not None:  # its process was killed
         hand = Hand(shot.scene.played.file)
         shot = with_hand(shot, hand, min(shot.scene.steps, hand.steps))
+    how = replace(how, xdmf=None if how.xdmf else False)
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, how)
 
 

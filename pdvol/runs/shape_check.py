@@ -16,6 +16,7 @@ from pdvol.meshing.vtu import write_primitives
 from pdvol.scene import Scene
 from pdvol.stages import stage
 
+USUAL_SIZES = 1e-3, 30.0  # m across: a grain, the longest animal
 NAMED_CELLS = 5  # worst cells that are listed for each level
 
 
@@ -98,7 +99,12 @@ def shape_notes(scene: Scene) -> list[str]:
             name = f"body {body.name!r}"
             with stage(f"checking the shape of {name}"):
                 read, notes = read_with_notes(shape)
-                check_place(body.placement(place_of(read)), name)
+                check_place(points := body.placement(place_of(read)), name)
+                size = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 1.0
+                by = 1e-3 if size > USUAL_SIZES[1] else 1e3 if size < USUAL_SIZES[0] else 1.0
+                if by != 1.0:
+                    other = f"Placement(scale={by * body.placement.scale:g}) makes it {by * size:.3g} m"
+                    notes.append(f"{size:.3g} m across; lengths are metres: if its unit is another one, {other}")
                 try:
                     lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
                 except IntersectionError as error:

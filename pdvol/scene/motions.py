@@ -7,18 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pdvol.scene.checks import (
-    anything,
-    ascending,
-    called,
-    direction,
-    finite,
-    moment,
-    require,
-    sequence,
-    takes,
-    vector,
-)
+from pdvol.scene.checks import anything, ascending, called, direction, finite, moment, require, sequence, takes, vector
 from pdvol.scene.element import NOT_SIMULATED, Element
 from pdvol.scene.hand import Hand
 from pdvol.scene.values import Vector, as_many, interpolated

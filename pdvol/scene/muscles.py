@@ -37,12 +37,7 @@ class Muscle(Element):
     activation: float | Keyed | Callable[[float], float] | Callable[[float, np.ndarray], np.ndarray] = 1.0
     where: Where = everywhere
 
-    checks = {
-        "fibre": function_or(direction, "X"),
-        "strength": positive,
-        "activation": anything,
-        "where": mask,
-    }
+    checks = {"fibre": function_or(direction, "X"), "strength": positive, "activation": anything, "where": mask}
 
     def __post_init__(self) -> None:
         super().__post_init__()

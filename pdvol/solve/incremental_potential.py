@@ -1,6 +1,6 @@
 """The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (docs/method.md)."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from itertools import groupby
 from math import isfinite, isnan
 
@@ -38,8 +38,8 @@ class IncrementalPotential:
     weight : of the terms beside the inertia [s^2], as the integrator gives it
     """
 
-    def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
-        self.space, self.watch, self.mass = space, watch, terms.mass
+    def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch, bodies: Sequence[str] = ()):
+        self.space, self.watch, self.mass, self._bodies = space, watch, terms.mass, bodies
         self.contacts, self.frictions = terms.contacts, terms.frictions
         self.terms = terms.potentials
         self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
@@ -74,12 +74,17 @@ class IncrementalPotential:
                     if rates is not None:
                         term.set_rates(rates)
 
-    def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
-        """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""
+    def _require_finite(self, term_name: str, what: str, values: np.ndarray | float, rows: np.ndarray) -> None:
+        """Raises SimulationError unless the values of all ranks are finite, naming the term, and the first body whose
+        `rows` (n_owned, d) are not. Collective.
+        """
         bad = 0 if np.isfinite(values).all() else 2 if np.isnan(values).any() else 1
-        bad = self.space.reduce(bad, MPI.MAX)
-        if bad:
-            raise SimulationError(f"the {term_name} term's {what} is {'not a number' if bad == 2 else 'infinite'}")
+        how = ("", "infinite", "not a number")[self.space.reduce(bad, MPI.MAX)]
+        if how:
+            found = self.space.mesh.point_bodies[self.space.owned_points[~np.isfinite(rows).all(axis=1)]]
+            first = self.space.reduce(int(min(found, default=len(self._bodies))), MPI.MIN)
+            where = "".join(f" in body {name!r}" for name in self._bodies[first : first + 1])
+            raise SimulationError(f"the {term_name} term's {what} is {how}{where}")
 
     def inertia(self, x: Positions) -> float:
         """1/2 |x - x_hat|^2_M [kg m^2]."""
@@ -99,9 +104,9 @@ class IncrementalPotential:
         """Raises SimulationError, naming the term, where one has no finite energy at x, from which a solve would begin.
         Collective.
         """
-        self._require_finite("inertia", "energy", self.inertia(x))
+        self._require_finite("inertia", "energy", self.inertia(x), x.owned - self.x_hat)
         for term in self.terms:
-            self._require_finite(term.name, "energy", term.value(x))
+            self._require_finite(term.name, "energy", term.value(x), term.gradient(x))
 
     def gradient(self, x: Positions) -> np.ndarray:
         """Gradient rows (n_owned, d). Raises SimulationError, naming the term, where one is not finite."""
@@ -115,7 +120,7 @@ class IncrementalPotential:
         if not self.space.reduce(is_finite(total), MPI.LAND):
             names = ("inertia", *(term.name for term in self.terms))
             for name, rows in zip(names, found, strict=True):
-                self._require_finite(name, "gradient", rows)
+                self._require_finite(name, "gradient", rows, rows)
             raise SimulationError("the gradient is too large for double precision")
         self._gradient = total
         return total.copy()
@@ -177,7 +182,8 @@ class IncrementalPotential:
         for term in self.terms:
             into.clear()
             term.add_hessian(x, weight * self.weight, into)
-            self._require_finite(term.name, "Hessian", np.array([np.sum(into.cells), np.sum(into.added[2])]))
+            rows = np.bincount(into.pattern.rows, into.cells.sum(axis=(1, 2)), self.space.n_owned)[:, None]
+            self._require_finite(term.name, "Hessian", np.array([rows.sum(), np.sum(into.added[2])]), rows)
         raise SimulationError("the Hessian is too large for double precision")
 
     def max_step(

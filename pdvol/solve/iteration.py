@@ -200,13 +200,7 @@ def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
     return ""
 
 
-def step_factor(
-    start: Positions,
-    direction: np.ndarray,
-    projection: str,
-    last: Iteration | None,
-    total: Sum,
-) -> float:
+def step_factor(start: Positions, direction: np.ndarray, projection: str, last: Iteration | None, total: Sum) -> float:
     """Factor of a new direction: above 1 where it repeats the last one, and the potential is softer than its model."""
     if last is None or last.meets or "none" in (last.projection, projection):
         return 1.0

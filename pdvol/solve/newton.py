@@ -357,6 +357,11 @@ class Newton:
                 break
         report = solve.report
         report.converged = reason > 0
+        try:
+            if reason == PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN:
+                self.potential.require_admissible(solve.states[0])  # the last one that was tried
+        except SimulationError as error:
+            report.reason = str(error)
         report.reason = report.reason or _REASONS.get(reason, str(reason))
         report.gradient_norm = self.space.reduce(float(np.abs(solve.gradient).max(initial=0.0)), MPI.MAX)
         return x, report

@@ -35,6 +35,16 @@ def level_folder(path: Path, level: int) -> Path:
     return path / "levels" / str(level)
 
 
+def last_write(path: Path) -> float:
+    """When states of a run were written last [ns], as files have it; infinity where there are none."""
+    return max((file.stat().st_mtime_ns for file in path.glob("levels/*/states.bin")), default=float("inf"))
+
+
+def is_newer(file: Path, path: Path) -> bool:
+    """Whether a file of a run was written after all of its states."""
+    return file.exists() and file.stat().st_mtime_ns > last_write(path)
+
+
 def late_file(folder: Path, step: int) -> Path:
     """Where a level's folder keeps the places of obstacles that contact holds back at a step."""
     return folder / f"late_{step:06d}.npz"

@@ -21,11 +21,6 @@ EXACT = Solver(tolerance=1e-9, linear="direct")
 G = 9.81
 
 
-def free_square(**changed) -> pdvol.Scene:
-    """The small scene without anything but the square."""
-    return replace(small.scene(), loads=(), obstacles=(), contact=(), solver=EXACT, **changed)
-
-
 def falling(dt: float, steps: int, levels: int = 1) -> pdvol.Scene:
     scene = replace(small.scene(levels), obstacles=(), contact=(), solver=EXACT)
     return replace(scene, dt=dt, steps=steps)
@@ -87,18 +82,14 @@ def test_forces_balance():
     assert step.report.contacts > 0 and np.abs(step.forces["friction"]).max() > 0.0
 
 
-def next_point(x, v, dt, hand, rate):
-    end = (x + dt * v + (dt * rate) ** 2 * hand) / (1.0 + (dt * rate) ** 2)
-    return end, (end - x) / dt
-
-
 def test_an_own_term_may_begin_to_move_what_rests():
 
     class Late(own_parts.Hand):
         def begin_step(self, x_t, t0, t1, x_hat=None):
             self.goal = self.start + [0.0, 0.5 * (t1 > 0.1)]
 
-    *_, last = pdvol.march(free_square(steps=8), levels=0, terms=(Late,))
+    alone = replace(small.scene(), loads=(), obstacles=(), contact=(), solver=EXACT, steps=8)
+    *_, last = pdvol.march(alone, levels=0, terms=(Late,))
     assert (last.positions - last.model.start)[:, 1].min() > 0.01
 
 

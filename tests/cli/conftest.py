@@ -49,8 +49,9 @@ def place(folder, tmp_path_factory):
     write(place / "file", "")
     write(place / "weightless.py", FALL.replace("loads=(Gravity((0.0, -9.81)),)", "loads=()"))
     (place / "binary.py").write_bytes(b"\xff\xfe\x00\x80")
-    for name in ("empty", "full", "folder.py", "folder.obj"):
+    for name in ("empty", "full", "earlier", "folder.py", "folder.obj"):
         (place / name).mkdir()
+    write(place / "earlier" / "study.json", '{"format": 1}')
     write(place / "full" / "precious.txt", "mine")
     wrong = {"other_dt": {"dt": 0.5}, "other_bodies": {"bodies": ["somebody"]}, "gone": {"scene_file": "gone.py"}}
     for name in ("whole", "broken", "stateless", *wrong):

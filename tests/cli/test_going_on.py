@@ -70,18 +70,20 @@ def test_resumed_equals_uninterrupted(made, tmp_path, name, level, step):
 
 
 @pytest.mark.parametrize("name", ["progressive", "both_euler", "embedded"])
-def test_refined_equals_run_at_once(made, tmp_path, name):
-    """Settings are kept, and coarser levels are not touched."""
+def test_refined_equals_run_at_once(made, tmp_path, name, capfd):
+    """Settings are kept, and coarser levels are not touched. Where nothing is left to do, nothing is drawn again."""
     out = tmp_path / "run"
     if name == "progressive":
         assert made.run(name, out, command="preview") == 0
     else:
         assert made.run(name, out, "--levels", "0") == 0
     times = {path: path.stat().st_mtime_ns for path in (out / "levels" / "0").iterdir()}
-    for level in (1, 1, 0):  # the second and third time nothing is left to do
+    for level in (1, 1, 0):
         assert pdvol("refine", out, "--to", level) == 0
         runs.assert_same_runs(out, made(name))
-    assert {path: path.stat().st_mtime_ns for path in times} == times and (out / "level_1.xdmf").exists()
+        times |= {out / name: (out / name).stat().st_mtime_ns for name in ("picture.png", "level_1.xdmf") if level}
+    assert {path: path.stat().st_mtime_ns for path in times} == times
+    assert capfd.readouterr().err.count("nothing was left to simulate") == 2
 
 
 @pytest.mark.parametrize("name", ["consistency", "terms"])

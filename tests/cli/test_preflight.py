@@ -244,8 +244,8 @@ def test_measuring_ends_in_time_and_can_be_left_out(tmp_path):
     assert "measured" not in preflight.check_scene(scene, 0.0)
 
 
-def test_a_level_that_cannot_go_on_is_noted(tmp_path):
+def test_a_level_that_cannot_go_on_is_a_defect(tmp_path):
     write(tmp_path / "fall.py", FALL)
     scene = load_shot(tmp_path / "fall.py", {"max_iterations": 1, "max_halvings": 0}).scene
     found = preflight.check_scene(scene, 5.0)
-    assert any(note.startswith("note: level 0 cannot go on: level 0, step ") for note in found["notes"])
+    assert [line[:22] for line in found["defects"]] == ["defect: level 0, step "] and not found["sound"]

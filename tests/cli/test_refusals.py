@@ -67,6 +67,7 @@ run s.py --out out --ranks 0                          | --ranks 0
 run s.py --out out --ranks two                        | 'two' is not a whole number
 run s.py --out out --accuracy 5mm                     | needs a study: pdvol study
 run s.py --out out --accuracy 5mm --study nowhere     | holds no study
+run s.py --out out --accuracy 5mm --study earlier     | earlier holds no study of this pdvol; make one by: pdvol study
 preview s.py --watch --resume                         | leave out --resume
 
 run s.py --method magic                               | --help

@@ -13,7 +13,7 @@ from pdvol.cli import run
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
-from pdvol.studio.wedge.worker import Worker
+from pdvol.studio.workers import Worker
 from problems import make_model, make_scene
 from shapes import box, together
 

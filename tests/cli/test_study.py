@@ -16,7 +16,7 @@ from commands import PDVOL, SAFETY
 from pdvol.store.reader import open_run
 from pdvol.studio.study import study
 from pdvol.studio.study.reference import ReferenceStates
-from pdvol.studio.wedge.worker import Workers
+from pdvol.studio.workers import Workers
 
 VARIED = ("--vary", "dt=0.04,0.01", "--vary", "level", "--vary", "max_iterations=1:200")
 WORDS = ("--steps", 6, *VARIED, "--budget", 3, "--reference", "dt=0.005")

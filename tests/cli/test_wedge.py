@@ -7,13 +7,12 @@ import shutil
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 
 import runs
 from cli_scenes import FALL, pdvol, states, write
-from commands import PDVOL, SAFETY
+from commands import PDVOL, SAFETY, children
 from pdvol.store.reader import open_run
 
 SCORES = """
@@ -116,12 +115,6 @@ def test_printed_lines_give_the_same_states_and_are_collected(folder, tmp_path, 
     assert "score 'broken': IndexError" in capsys.readouterr().err
 
 
-def children(process):
-    return [
-        int(pid) for task in Path(f"/proc/{process}/task").iterdir() for pid in (task / "children").read_text().split()
-    ]
-
-
 def wait_for(level, process):
     """Until step 10 is stored."""
     deadline = time.monotonic() + SAFETY
@@ -216,6 +209,9 @@ TWO, RANGE = ("--vary", "mu=1,2"), ("--vary", "mu=0:1")
         ((*PICK, "1", "--to", "1"), "add --refine"),
         ((*WEDGE, "--vary", "colour=1,2"), "no parameter 'colour'"),
         ((*WEDGE, *TWO, "--score", "beauty"), "there is no beauty"),
+        ((*WEDGE, *TWO, "--score", 'upright("squid")'), "fall: there is no body 'squid'; there are square"),
+        ((*WEDGE, *RANGE, "--seek", '-meets("square", "flor")'), "nothing is called 'flor'; there are square, floor"),
+        ((*WEDGE, *TWO, "--score", 'lands_in("square", (0, 0, 0), (1, 1, 1))'), "3 coordinates in a 2D scene"),
         ((*WEDGE, *TWO, "--jobs", "0"), "at least 1"),
         ((*WEDGE, *TWO, "--runs", "5"), "bounds of --seek"),
         ((*WEDGE, *TWO, "--seek", "right"), "needs ranges"),
@@ -245,17 +241,7 @@ def test_another_scene_and_a_full_folder_are_refused(folder, tmp_path, capsys):
 
 def test_the_first_line_has_the_runs_at_a_time_and_lines_the_time_left(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("pdvol.processes.cores", lambda: 2)
-    words = [
-        "wedge",
-        scene_in(tmp_path),
-        "-o",
-        tmp_path / "w",
-        "--steps",
-        1,
-        "--no-picture",
-        "--vary",
-        "mu=0.1,0.2,0.3",
-    ]
+    words = ["wedge", scene_in(tmp_path), "-o", tmp_path / "w", "--steps=1", "--no-picture", "--vary", "mu=0.1,0.2,0.3"]
     assert pdvol(*words) == 0
     first, *lines = capsys.readouterr().err.splitlines()
     assert first == "3 runs, 2 at a time"

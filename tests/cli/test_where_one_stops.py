@@ -5,12 +5,14 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
+from argparse import Namespace
 
 import pytest
 
 from cli_scenes import pdvol, write
-from pdvol import InputError, march, open_run
+from commands import children
+from pdvol import InputError, march
+from pdvol.commands.options import chosen_shot
 from pdvol.runs.scene_file import load_shot
 
 SCENE = """
@@ -36,6 +38,7 @@ def scene():
     square = Outline([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     return Scene((Body(square, Law(1e4), (12,), name="square"),), dt=0.01, steps=2)
 """
+UNIT = "lengths are metres: if its unit is another one"
 
 
 @pytest.fixture
@@ -45,9 +48,20 @@ def scene(tmp_path, monkeypatch):
     return write(tmp_path / "scene.py", SCENE)
 
 
-def test_steps_are_a_setting(scene, tmp_path):
-    assert pdvol("preview", scene, "--set", "steps=1", "--no-picture", "--out", tmp_path / "run") == 0
-    assert open_run(tmp_path / "run").info["steps"] == 1
+def test_steps_are_a_setting_and_another_time_step_says_what_the_shot_lasts(scene, capsys):
+    write(hand := scene.parent / "hand", '{"step": 1, "pulls": [], "obstacles": {}}\n')
+    for words, record, said in (
+        (["dt=0.02", "steps=1"], None, ""),
+        (
+            ["dt=0.02"],
+            None,
+            "2 steps of 0.02 s: the shot lasts 0.04 s instead of 0.02 s; add --set steps=1 to keep that",
+        ),
+        (["dt=0.02"], hand, "1 steps of 0.02 s: the shot lasts 0.02 s instead of 0.01 s; a hand has a line for each"),
+    ):
+        shot = chosen_shot(Namespace(scene=scene, set=words, steps=None, hand=record))
+        found = capsys.readouterr().err
+        assert shot.scene.steps == 1 if said == found else found.startswith(f"note: {said}")
 
 
 def test_too_few_vertices_are_refused_at_once_and_leave_an_earlier_preview(scene, tmp_path, capsys):
@@ -67,8 +81,9 @@ def test_an_interrupt_ends_the_meshers(scene, tmp_path):
     words = ["--set", "vertices=(20000,)", "--out", str(tmp_path / "run")]
     env = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     command = [sys.executable, "-m", "pdvol", "preview", str(scene), *words]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=env) as process:
-        while not _children(process.pid):
+    obey = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # what is in the background of a shell ignores it
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=env, preexec_fn=obey) as process:
+        while not children(process.pid):
             time.sleep(0.1)
         process.send_signal(signal.SIGINT)
         begin = time.monotonic()
@@ -77,20 +92,23 @@ def test_an_interrupt_ends_the_meshers(scene, tmp_path):
     assert time.monotonic() - begin < 20.0 and not (tmp_path / "run").exists()
 
 
-def _children(process: int) -> str:
-    try:
-        return Path(f"/proc/{process}/task/{process}/children").read_text() + "".join(
-            task.joinpath("children").read_text() for task in Path(f"/proc/{process}/task").iterdir()
-        )
-    except FileNotFoundError:
-        return "ended"
-
-
 def test_a_law_with_a_wrong_sign_is_refused(tmp_path):
     for sign in ("", "2.0 * "):
         list(march(load_shot(write(tmp_path / f"right{len(sign)}.py", LAW.format(sign=sign))).scene))
     with pytest.raises(InputError, match=r"Law\.psi has no minimum near F = I"):
         next(march(load_shot(write(tmp_path / "wrong.py", LAW.format(sign="-"))).scene))
+
+
+def test_a_stress_at_rest_and_an_unusual_size_are_noted(tmp_path, capsys):
+    for more, size, said in (
+        ("", 1, []),
+        ("2e3 * F[0, 0] + ", 1, ["Law has a stress of 2e+03 Pa at rest, which sets it in motion"]),
+        ("", 100, [f"141 m across; {UNIT}, Placement(scale=0.001) makes it 0.141 m"]),
+    ):
+        scene = write(tmp_path / "law.py", LAW.format(sign=more).replace("1.0", f"{size}.0"))
+        assert pdvol("check", scene, "--measure", 0) == 0
+        notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note")]
+        assert notes == [f"note: body 'square': {line}" for line in said]
 
 
 def test_a_mesh_is_described_by_its_box(scene, capsys):

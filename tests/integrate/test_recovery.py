@@ -13,6 +13,7 @@ from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, NeoHookean, Plane, Solver, Translation
 from pdvol.solve.report import REMEDIES, no_remedies, taken
 from problems import block, make_scene, make_stepper, march, take_step
+from shapes import together
 
 REASONS = PETSc.SNES.ConvergedReason
 
@@ -228,6 +229,7 @@ class Poison(Term):
 def test_what_is_not_a_number_is_named(what, bad, said):
     problem, x, v = falling()
     problem.potential.terms = (*problem.potential.terms, Poison(what, bad, 2))
+    said += " in body 'body 0'" if what in ("gradient", "Hessian") else ""
     report, what = take_step(problem, 1, x, v), what.replace("pairs", "Hessian")
     with pytest.raises(ConvergenceError, match=f"level 0, step 2: the consistency term's {what} is {said}") as caught:
         take_step(problem, 2, report.positions, v)
@@ -257,18 +259,26 @@ def test_an_energy_that_is_not_a_number_in_a_trial_is_a_trial_that_fails():
     assert -1e-3 < report.positions[:, -1].min() < 0.0 and report.backtracks > 0 and report.cuts == 0
 
 
-class Root(NeoHookean):
-    @staticmethod
-    def psi(F, mu, lmbda):
-        return NeoHookean.psi(F, mu, lmbda) + mu * ufl.sqrt(ufl.tr(F.T * F) - 2.5)
+STRANGE = {
+    "energy is not a number in body 'body 1'$": lambda s: ufl.sqrt(s - 0.1),
+    "gradient is not a number in body 'body 1'$": lambda s: (s - s) ** 0.75,
+    "energy is not a number in body 'body 1' after 1 cuts": lambda s: 1e2 * ufl.sqrt(1e-4 - s),
+}
 
 
-def test_a_density_that_is_not_a_number_is_named():
-    """It was taken for that of an inverted cell."""
-    mesh = block((0.0, 0.0), (1.0, 1.0), 3)
-    problem = make_stepper(make_scene((Root(1e4),)), mesh)
-    with pytest.raises(ConvergenceError, match="level 0, step 1: the elastic term's energy is not a number"):
-        take_step(problem, 1, mesh.points, np.zeros_like(mesh.points))
+@pytest.mark.parametrize("said", STRANGE)
+def test_the_body_is_named_whose_density_is_not_a_number(said):
+    """It was taken for that of an inverted cell. The last law ends at a strain up to which the energy falls."""
+
+    class Strange(NeoHookean):
+        @staticmethod
+        def psi(F, mu, lmbda):
+            return NeoHookean.psi(F, mu, lmbda) + STRANGE[said](ufl.inner(F - ufl.Identity(2), F - ufl.Identity(2)))
+
+    mesh = together(block((0.0, 0.0), (1.0, 1.0), 3), block((2.0, 0.0), (3.0, 1.0), 3))
+    problem = make_stepper(make_scene((NeoHookean(1e5), Strange(1e5)), solver=Solver(max_halvings=1)), mesh)
+    with pytest.raises(ConvergenceError, match=f"level 0, step 1: the elastic term's {said}"):
+        take_step(problem, 1, mesh.points, np.outer(mesh.points[:, 0], (10.0, 0.0)))
 
 
 def test_velocities_that_are_not_numbers_end_the_step():

@@ -364,7 +364,9 @@ def test_ranks_share_contacts_by_vertices(d):
         every = candidates.contacts(rest + place, KAPPA)
         whole, counts, touched = rows_of(every), np.zeros(len(every)), np.zeros(len(every))
         for part in shared:
-            found, owned = part.contacts(rest + place, KAPPA), owned_by(part)
+            found, its, of = part.contacts(rest + place, KAPPA), part.surface, np.full(len(part.surface.objects), -1)
+            of[: len(its.surface)] = its.space.point_blocks[its.surface]
+            owned = (of >= its.space.first_block) & (of < its.space.first_block + its.space.n_owned)
             touches = owned[found.vertices].any(axis=1)
             rows = rows_of(found)
             theirs = np.flatnonzero(owned[every.vertices].any(axis=1))
@@ -376,13 +378,6 @@ def test_ranks_share_contacts_by_vertices(d):
         assert (counts == 1).all()
         crossing += np.count_nonzero(touched > 1)
     assert crossing > 3 and (d == 2 or fading)
-
-
-def owned_by(candidates) -> np.ndarray:
-    space = candidates.surface.space
-    rows = np.full(len(candidates.surface.objects), -1)
-    rows[: len(candidates.surface.surface)] = space.point_blocks[candidates.surface.surface]
-    return (rows >= space.first_block) & (rows < space.first_block + space.n_owned)
 
 
 def rows_of(found) -> list[bytes]:

@@ -261,14 +261,6 @@ def shapes_of(d):
     return box(d, 2, jitter=0.1), ring(around=12, layers=2) if d == 2 else hollow()
 
 
-def term_on(mesh, pressure=PRESSURE):
-    space = LevelSpace(mesh, MPI.COMM_SELF)
-    term = EnclosedPressure(space, pressed_facets(mesh, 0), lambda t: pressure * t)
-    term.begin_step(Positions(space, space.from_input(mesh.points)), 0.5, 1.0)
-    assert term.pressure == pressure
-    return term
-
-
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_what_is_enclosed(d):
     full, open_inside = shapes_of(d)
@@ -297,8 +289,11 @@ def test_a_cavity_that_touches_the_outer_boundary_at_a_vertex():
 @pytest.mark.parametrize("shape", [0, 1], ids=["full", "cavity"])
 def test_derivatives(d, pressure, shape):
     """Exact and projected; the gradient by the whole size is p times d times the volume."""
-    term = term_on(shapes_of(d)[shape], pressure)
-    x = state(term.space)
+    mesh = shapes_of(d)[shape]
+    space = LevelSpace(mesh, MPI.COMM_SELF)
+    term, x = EnclosedPressure(space, pressed_facets(mesh, 0), lambda t: pressure * t), state(space)
+    term.begin_step(Positions(space, space.from_input(mesh.points)), 0.5, 1.0)
+    assert term.pressure == pressure
     check_term(term, term.space, x, 1e-1, quadratic=d == 2)
     exact = exact_hessian(term, x)
     assert smallest_eigenvalue(exact) < 0.0

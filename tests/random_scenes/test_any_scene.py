@@ -211,12 +211,6 @@ def as_checked(scene: Scene, how: dict, base: Path, seed: int) -> None:
     assert check_scene(scene, 0.0)["sound"]
 
 
-def refused_as_checked(scene: Scene, error: str) -> None:
-    """What `check` calls a defect is what the run was refused with."""
-    found = check_scene(scene, 0.0)
-    assert not found["sound"] and any(error in line for line in found["defects"]), (error, found["defects"])
-
-
 def slab_for_plane(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """Things that lie on a plane, which moves, do the same on a wide rigid slab in its place."""
     plane = next((each for each in scene.obstacles if isinstance(each, Plane)), None)
@@ -342,7 +336,8 @@ def run_and_check(folder: Path, scene: Scene, how: dict, seed: int, *checks) -> 
     error = run(scene, base, how)
     event("done" if not error else "ends early" if base.exists() else "refused")
     if not (base / "run.json").is_file():
-        refused_as_checked(scene, error)
+        found = check_scene(scene, 0.0)  # what `check` calls a defect is what the run was refused with
+        assert not found["sound"] and any(error in line for line in found["defects"]), (error, found["defects"])
         return
     sound(scene, how, base, seed)
     if any(level.steps > 1 for level in pdvol.open_run(base).levels):

@@ -38,7 +38,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "studio.draw": STORED | {"levels", "studio"},
     "studio.export": STORED | {"runs", "studio"},
     "studio.play": STORED | {"measure", "studio", "studio.draw"},
-    "studio.wedge": STORED | {"measure", "runs", "studio", "studio.draw"},
+    "studio.wedge": STORED | {"levels", "measure", "runs", "studio", "studio.draw"},
     "studio.study": STORED | {"levels", "measure", "runs", "studio", "studio.draw", "studio.wedge"},
     "studio.live": STORED | {"runs", "studio", "studio.draw", "studio.play", "studio.wedge"},
 }
@@ -108,18 +108,14 @@ def stages_of(name: str) -> set[str]:
     return {stage(i) for path in files for i in imports(path) if i.split(".")[0] == "pdvol"}
 
 
-def allowed_imports(own: str) -> set[str]:
-    """The stages and modules of pdvol that files of a stage may import."""
-    return MAY_IMPORT[own] | {own} | (FOUNDATION if own in (*STAGES, *ABOVE) else set())
-
-
 def test_each_stage_imports_only_stages_before_it():
     assert [
         f"{place(path)} imports {imported}"
         for path in SOURCES
         if (own := stage(module_of(path))) in MAY_IMPORT
+        for also in [FOUNDATION if own in (*STAGES, *ABOVE) else set()]
         for imported in sorted(imports(path))
-        if imported.split(".")[0] == "pdvol" and stage(imported) not in allowed_imports(own)
+        if imported.split(".")[0] == "pdvol" and stage(imported) not in MAY_IMPORT[own] | {own} | also
     ] == []
 
 

@@ -68,11 +68,7 @@ class Camera:
 
 
 def cameras_of_run(
-    run: Run,
-    levels: Sequence[RunLevel],
-    steps: Sequence[int],
-    view: View = STANDARD_VIEW,
-    aspect: float | None = None,
+    run: Run, levels: Sequence[RunLevel], steps: Sequence[int], view: View = STANDARD_VIEW, aspect: float | None = None
 ) -> list[Camera]:
     """A camera for each of the steps, which may repeat. It shows what is in the scene most of the time (`framing.py`)
     at these steps on all these levels, or follows a body.

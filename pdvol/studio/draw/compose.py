@@ -168,11 +168,7 @@ def frames(
 
 
 def composed(
-    panes: Sequence[Pane],
-    steps: Sequence[int],
-    shot: Shot,
-    grid: Grid,
-    order: Sequence[Sequence[int]] | None = None,
+    panes: Sequence[Pane], steps: Sequence[int], shot: Shot, grid: Grid, order: Sequence[Sequence[int]] | None = None
 ) -> Iterator[Image.Image]:
     """Frames of the panes of one run, all by one camera, which may move from step to step.
 

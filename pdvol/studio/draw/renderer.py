@@ -71,12 +71,7 @@ class Renderer(Window):
     """
 
     def __init__(
-        self,
-        camera: Camera,
-        size: tuple[int, int],
-        oversampling: int = 2,
-        facets: bool = False,
-        cut: Cut | None = None,
+        self, camera: Camera, size: tuple[int, int], oversampling: int = 2, facets: bool = False, cut: Cut | None = None
     ):
         super().__init__(camera, size, oversampling)
         self._facets, self._cut, self._view = facets, cut, camera
@@ -157,13 +152,7 @@ class Renderer(Window):
         return self._cut if self._cut is not None and self._cut.through(name, body) else None
 
     def _add_surface(
-        self,
-        points: np.ndarray,
-        facets: np.ndarray,
-        colour: pv.Color,
-        smooth: bool,
-        edges: float,
-        opacity: float = 1.0,
+        self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float, opacity: float = 1.0
     ) -> None:
         if len(facets) == 0:
             return

@@ -9,7 +9,7 @@ from pdvol.runs.stage_lines import SO_FAR
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
 from pdvol.studio.live.channel import REMARK, Channel
-from pdvol.studio.wedge.worker import Worker, last_line
+from pdvol.studio.workers import Worker, last_line
 
 
 class LiveRun:

@@ -18,7 +18,7 @@ from pdvol.store.copying import copy_run, require_new
 from pdvol.studio.live.channel import Channel
 from pdvol.studio.live.live_run import LiveRun
 from pdvol.studio.wedge.variation import value_text
-from pdvol.studio.wedge.worker import Workers, last_line
+from pdvol.studio.workers import Workers, last_line
 
 DEBOUNCE = 0.1  # seconds without a further change after which a new run begins
 LONGEST_WAIT = 0.4  # seconds after the first of many changes when a run begins all the same

@@ -10,7 +10,6 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
@@ -45,16 +44,6 @@ def write_page(path: Path, study: Mapping[str, Any]) -> Path:
         colours={"background": BACKGROUND, "ink": INK, "faint": FAINT_INK},
     )
     write_bytes(path, text.encode())
-    return path
-
-
-def front_image(path: Path, study: Mapping[str, Any]) -> Path:
-    """Write the front as .png."""
-    figure = front_figure(study)
-    FigureCanvasAgg(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    write_bytes(path, buffer.getvalue())
     return path
 
 

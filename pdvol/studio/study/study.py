@@ -22,7 +22,7 @@ from pdvol.studio.study.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted, finest
 from pdvol.studio.study.reference import ReferenceStates, cost
 from pdvol.studio.wedge.jobs import Job, Outcome, run_jobs, take_folder
 from pdvol.studio.wedge.variation import Base, Variation, number, value_text
-from pdvol.studio.wedge.worker import Workers
+from pdvol.studio.workers import Workers
 
 STUDY_FORMAT = 2  # of study.json: increased when an older pdvol cannot read it
 JITTER_SHARE = 1e-3  # of the smallest body's diagonal: how far apart jittered starts end in free flight

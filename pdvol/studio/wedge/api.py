@@ -6,8 +6,8 @@ import io
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, nullcontext
-from dataclasses import dataclass
+from contextlib import closing, nullcontext, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from pdvol.errors import InputError, PdvolError
 from pdvol.processes import cores
 from pdvol.runs.api import run
 from pdvol.runs.runner import refine_run
-from pdvol.runs.scene_file import load_shot
+from pdvol.runs.scene_file import Shot, load_shot
 from pdvol.scene import Scene
 from pdvol.store.reader import Run, open_run
 from pdvol.studio.draw.picture import picture
@@ -30,7 +30,7 @@ from pdvol.studio.wedge.scores import Score, chosen_scores
 from pdvol.studio.wedge.variation import Variation
 from pdvol.studio.wedge.vary import TAKEN, Vary, chosen_variations, parsed_varies
 from pdvol.studio.wedge.wedge import Wedge, stored_runs
-from pdvol.studio.wedge.worker import Workers
+from pdvol.studio.workers import Workers
 
 MOST_THUMBNAILS = 48  # of a table in a notebook
 THUMBNAIL_WIDTH = 140  # pixels, of one of them
@@ -71,14 +71,13 @@ def wedge(
         Something in the arguments is wrong. A variation that fails is a row with its reason.
     """
     variations = chosen_variations([_vary(name, values) for name, values in (vary or {}).items()], sample, jitter, seed)
+    shot = _planned(scene, variations[0], steps) if callable(scene) else load_shot(scene, None, steps)
     functions: dict[str, Score] = {}
     for score in scores:
-        file = None if callable(scene) else Path(scene)
-        functions |= chosen_scores([score], file) if isinstance(score, str) else {score.__name__: score}
-    shot = None if callable(scene) else load_shot(scene, None, steps)
+        functions |= chosen_scores([score], shot) if isinstance(score, str) else {score.__name__: score}
     temporary = tempfile.TemporaryDirectory(prefix="pdvol_") if out is None else None
     folder = Path(temporary.name if temporary else str(out))
-    if shot is None:
+    if shot is None or shot.file is None:
         made = Wedge(folder, {"scene": getattr(scene, "__qualname__", "scene"), "steps": steps}, functions)
     else:
         made = Wedge.of(shot, folder, functions)
@@ -99,6 +98,14 @@ def _vary(name: str, values: Sequence | str) -> Vary:
     if len(values) == 0:
         raise InputError(f"vary: {name} has no values")
     return Vary(name, tuple(value.item() if hasattr(value, "item") else value for value in values))
+
+
+def _planned(scene: Callable[..., Scene], variation: Variation, steps: int | None) -> Shot | None:
+    """A variation of a scene in memory; None where it cannot be made: it will be a row with its reason."""
+    with suppress(PdvolError):
+        made = scene(**dict(variation.changes))
+        return Shot(None, {}, made if steps is None else replace(made, steps=steps))
+    return None
 
 
 def _run_here(

@@ -13,7 +13,7 @@ from pdvol.errors import InputError
 from pdvol.store.files import jsonable, lock, make_folder, read_json, require_no_link_out, write_json
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import open_run
-from pdvol.studio.wedge.worker import Worker, Workers, last_line
+from pdvol.studio.workers import Worker, Workers, last_line
 
 JOB_POLL = 0.02  # seconds between looks at what runs
 MOST_STARTS = 3  # of a job whose process is killed by others, for want of memory say

@@ -4,6 +4,8 @@ import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +13,9 @@ from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.distances import distances_to
 from pdvol.geometry.rigid_motions import rigid_motions
+from pdvol.levels.function_check import shape_points
 from pdvol.measure.meeting import overlapping_boxes
+from pdvol.runs.scene_file import Shot
 from pdvol.scene.motions import rotation_matrix
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
@@ -24,6 +28,16 @@ def at_level(run: Run, level: int) -> Run:
     seen = copy.copy(run)
     seen.levels = run.levels[: level + 1]
     return seen
+
+
+def not_simulated(shot: Shot) -> Run:
+    """A shot as a run of no step: what scores ask of it, before they look at states, is what a run will have."""
+    scene, level = shot.scene, SimpleNamespace(steps=0, rest=shape_points(shot.scene.bodies[0])[:0], log=())
+    info = {"bodies": [body.name for body in scene.bodies], "steps": scene.steps, "diagonal": 1.0}
+    info["description"] = shot.description()
+    obstacles = [SimpleNamespace(name=obstacle.name, kind="") for obstacle in scene.obstacles]
+    run: Any = SimpleNamespace(path=shot.name, info=info, dt=scene.dt, levels=[level], obstacles=obstacles)
+    return run
 
 
 def is_whole_run(run: Run) -> bool:

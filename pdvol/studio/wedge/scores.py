@@ -15,10 +15,11 @@ import numpy as np
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.runs.known_scenes import allow
+from pdvol.runs.scene_file import Shot
 from pdvol.runs.scene_modules import load_module
 from pdvol.store.reader import Run
 from pdvol.studio.shown import upward
-from pdvol.studio.wedge.scored_body import ScoredBody, contact_distance, is_whole_run
+from pdvol.studio.wedge.scored_body import ScoredBody, contact_distance, is_whole_run, not_simulated
 
 Score = Callable[[Run], float]
 
@@ -39,9 +40,9 @@ def upright(body: str, axis: Sequence[float] = ()) -> Score:
 
     def score(run: Run) -> float:
         mine, up = ScoredBody.named(run, body), upward(run)
+        own = mine.placed_direction(_direction(body, axis, len(up))) if len(axis) else up
         if not is_whole_run(run):
             return np.nan
-        own = mine.placed_direction(_direction(body, axis, len(up))) if len(axis) else up
         return float(np.clip(mine.rotation(run.info["steps"]) @ own @ up, -1.0, 1.0))
 
     return score
@@ -61,12 +62,12 @@ def lands_in(body: str, lower: Sequence[float], upper: Sequence[float]) -> Score
         raise InputError(f"lands_in({body!r}): lower = {lower!r} must not be above upper = {upper!r}")
 
     def score(run: Run) -> float:
-        mine = ScoredBody.named(run, body)
+        mine, d = ScoredBody.named(run, body), run.levels[0].rest.shape[1]
+        if len(low) != d:
+            raise InputError(f"lands_in({body!r}): the box has {len(low)} coordinates in a {d}D scene")
         if not is_whole_run(run):
             return np.nan
         centre = mine.centre(run.info["steps"])
-        if len(low) != len(centre):
-            raise InputError(f"lands_in({body!r}): the box has {len(low)} coordinates in a {len(centre)}D scene")
         outside = float(np.linalg.norm(centre - np.clip(centre, low, high)))
         return 1.0 if outside == 0.0 else -outside / mine.size
 
@@ -205,13 +206,14 @@ def _direction(body: str, axis: Sequence[float], d: int) -> np.ndarray:
 # ---- scores as text
 
 
-def chosen_scores(texts: Sequence[str], scene_file: Path | None, trusted: bool = True) -> dict[str, Score]:
+def chosen_scores(texts: Sequence[str], shot: Shot | Path | None, trusted: bool = True) -> dict[str, Score]:
     """The scores that texts name, by text: `upright("bear")` and the other ready ones; `my_score`, a function of the
     scene file; `module.py:my_score`. A minus in front turns a score round. Arguments are Python literals; a function
     with arguments in brackets makes a score, one without is a score.
 
     Parameters
     ----------
+    shot : that is to be simulated, whose bodies ready scores must fit; or the scene file of a run
     trusted : whether the user gives the texts; other ones must have been given here before
 
     Raises
@@ -219,10 +221,11 @@ def chosen_scores(texts: Sequence[str], scene_file: Path | None, trusted: bool =
     InputError
         A text cannot be read, or names what there is not. The scores raise it where a function fails.
     """
-    return {text: _chosen(text, scene_file, trusted) for text in texts}
+    planned, file = (not_simulated(shot), shot.file) if isinstance(shot, Shot) else (None, shot)
+    return {text: _chosen(text, file, planned, trusted) for text in texts}
 
 
-def _chosen(text: str, scene_file: Path | None, trusted: bool) -> Score:
+def _chosen(text: str, scene_file: Path | None, planned: Run | None, trusted: bool) -> Score:
     file, colon, expression = text.strip().rpartition(".py:")
     source = Path(file.removeprefix("-").strip() + ".py") if colon else scene_file
     try:
@@ -248,6 +251,8 @@ def _chosen(text: str, scene_file: Path | None, trusted: bool) -> Score:
             function = function(*map(ast.literal_eval, call.args), **named)
         elif ready:
             function = ready()
+        if ready and planned:
+            function(planned)
     if not callable(function):
         raise InputError(f"score {text!r} is {type(function).__name__}, not a function of a run")
 

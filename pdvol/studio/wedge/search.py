@@ -17,7 +17,7 @@ from pdvol.errors import InputError, SimulationError
 from pdvol.studio.wedge.variation import Variation, value_text
 from pdvol.studio.wedge.vary import Vary
 from pdvol.studio.wedge.wedge import Report, Wedge
-from pdvol.studio.wedge.worker import Workers
+from pdvol.studio.workers import Workers
 
 BATCH = 6  # variations of a generation at least: what CMA-ES takes in two parameters
 FIRST_SPREAD = 0.3  # standard deviation of the first batch, in ranges: it covers them

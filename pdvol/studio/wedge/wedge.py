@@ -18,7 +18,7 @@ from pdvol.studio.wedge.scored_body import at_level
 from pdvol.studio.wedge.scores import Score
 from pdvol.studio.wedge.variation import Base, Variation
 from pdvol.studio.wedge.vary import MOST_VARIATIONS
-from pdvol.studio.wedge.worker import Workers
+from pdvol.studio.workers import Workers
 
 WEDGE_FORMAT = 2  # of wedge.json: increased when an older pdvol cannot read it; 1 kept runs in runs/NAME
 WRITE_EVERY = 1.0  # seconds between two states of wedge.json while runs end

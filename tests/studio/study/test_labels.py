@@ -28,17 +28,12 @@ def overlap(one, other):
     return np.prod(np.maximum(np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2]), 0.0))
 
 
-def crowd(count, seed):
-    """Points of a front that come in close pairs, as settings of one level do."""
-    rng = np.random.default_rng(seed)
-    cost = np.geomspace(1.0, 300.0, count) * rng.uniform(0.9, 1.1, count)
-    cost[1::2] = 1.02 * cost[: 2 * (count // 2) : 2]
-    return np.column_stack([np.sort(cost), 0.1 / np.sort(cost) ** 0.6 * (1.0 - 0.01 * np.arange(count))])
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_they_cover_nothing(seed):
-    points = crowd(14, seed)
+    """The points of a front come in close pairs, as settings of one level do."""
+    cost = np.geomspace(1.0, 300.0, 14) * np.random.default_rng(seed).uniform(0.9, 1.1, 14)
+    cost[1::2] = 1.02 * cost[::2]
+    points = np.column_stack([np.sort(cost), 0.1 / np.sort(cost) ** 0.6 * (1.0 - 0.01 * np.arange(14))])
     texts = [f"dt=0.00{k}, tolerance=1e-{k}, dhat=0.01" for k in range(14)]
     axes, renderer = plotted(points, texts, "the reference's own error")
     found, frame = boxes(axes, renderer), axes.get_window_extent(renderer).extents

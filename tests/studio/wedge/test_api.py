@@ -70,3 +70,5 @@ def test_mistakes_are_named(scene):
         pdvol.wedge(scene)
     with pytest.raises(pdvol.InputError, match="there is no scene file"):
         pdvol.wedge("nowhere.py", {"height": [1.0]})
+    with pytest.raises(pdvol.InputError, match="^scene: there is no body 'squid'; there are square"):  # before it runs
+        pdvol.wedge(scene, {"height": [1.0]}, scores=['upright("squid")'])

@@ -13,7 +13,7 @@ from cli_scenes import FALL, write
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.wedge.jobs import MOST_STARTS, Job, run_jobs, stored_outcome
-from pdvol.studio.wedge.worker import Workers
+from pdvol.studio.workers import Workers
 
 STEPS = 6
 

@@ -11,7 +11,7 @@ import pytest
 from cli_scenes import FALL, write
 from pdvol.store.folder import holds_run, read_info
 from pdvol.store.reader import open_run
-from pdvol.studio.wedge.worker import Worker, Workers
+from pdvol.studio.workers import Worker, Workers
 
 STEPS = 5
 PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
