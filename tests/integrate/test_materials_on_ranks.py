@@ -1,5 +1,5 @@
-"""The number of ranks changes neither what cells are made of nor where bodies start, nor what loads, springs, muscles,
-pressure and damping do.
+"""The number of ranks changes neither what cells are made of nor where bodies start, nor what loads, springs,
+pulls, muscles, pressure and damping do, nor which springs break.
 """
 
 import numpy as np
@@ -14,8 +14,9 @@ from pdvol.levels.model import level_model
 from pdvol.registry import ELEMENTS
 from shapes import box, together
 
+BREAKING = 800.0  # N: some of the springs break
 SAME = 1e-9  # of the unit box, over five steps with the direct solver
-KINDS = {"attachment", "damping", "drag", "elastic", "load", "muscle", "pressure"}
+KINDS = {"attachment", "damping", "drag", "elastic", "load", "muscle", "pressure", "pull"}
 
 
 def bent(X):
@@ -45,6 +46,7 @@ def scene_of(d, elements):
         pdvol.PointForce(tuple(300.0 * np.eye(d)[-1]), (0.9,) * d, body="one"),
         pdvol.Pressure("other", lambda t: 2e5 * t),
     )
+    springs = {"stiffness": 1e3, "rest_length": 0.45, "breaking": BREAKING}
     waves = lambda t, X: np.maximum(0.0, np.sin(20.0 * (X[:, 0] - t)))
     return pdvol.Scene(
         (
@@ -58,11 +60,16 @@ def scene_of(d, elements):
             pdvol.Support(lambda X: X[:, 0] < 1e-9, body="one"),
             pdvol.Support(lambda X: X[:, 0] > 2.5 - 1e-9, body="other", release=0.025),
         ),
-        attachments=(pdvol.Attachment("one", "other", lambda X: X[:, 0] > 0.99, stiffness=1e3),),
+        attachments=(
+            pdvol.Attachment(
+                "one", "other", lambda X: X[:, 0] > 0.99, stiffness=1e3, rest_length=0.45, breaking=BREAKING
+            ),
+        ),
         muscles=(
             pdvol.Muscle("one", along, 2e4, where=lambda X: X[:, 1] < 0.6),
             pdvol.Muscle("other", along, 4e4, waves),
         ),
+        pulls=(pdvol.Pull("one", (1.0,) * d, (0.0, 0.1), [(1.0,) * d, (1.5,) * d], 1e4),),
         elements=elements,
         solver=pdvol.Solver(tolerance=1e-6, linear="direct"),
     )
@@ -82,6 +89,7 @@ def load(comm, d, elements):
         "positions": [r.positions for r in reports],
         "energies": [[r.energy[k] for k in sorted(r.energy)] for r in reports],
         "kinds": sorted(reports[0].energy),
+        "broken": [len(r.terms.get("attachment", {}).get("broken", ())) for r in reports],
     }
 
 
@@ -90,7 +98,8 @@ def load(comm, d, elements):
 @pytest.mark.parametrize("d", [2, 3])
 def test_one_rank_and_two_move_alike(d, elements):
     one, two = results_on((1, 2), load, d, elements)
-    for name in ("young", "density", "law"):
+    assert 0 < one["broken"].max() < 8
+    for name in ("young", "density", "law", "broken"):
         np.testing.assert_array_equal(one[name], two[name])
     assert set(one["law"]) == {0, 1, 2} and one["young"].max() == 1e9
     assert {kind for kind, energy in zip(one["kinds"], one["energies"].T, strict=True) if energy.any()} >= KINDS

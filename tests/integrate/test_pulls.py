@@ -1,5 +1,5 @@
 """Pulls: momentum and bounds of their forces, the time in which they bring a body, what they do before and after, the
-same material on all levels, keys to the last bit, and ranks that agree.
+same material on all levels, and keys to the last bit.
 """
 
 import json
@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import pdvol
-from on_ranks import results_on
 from pdvol.errors import InputError
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.attachments import LEAST_WEIGHTS, MOST_WEIGHTS, REACH, Pulls
@@ -32,9 +31,8 @@ def pulled(points=((0.1, 0.2), (0.2, 0.3), (0.2, 0.3)), times=(0.0, 0.05, 1.0), 
     return make_scene((STIFF,), dt=DT, steps=steps, loads=loads, pulls=(pull,), solver=solver)
 
 
-def march(scene, mesh, integrator="implicit_euler", comm=None):
-    more = {} if comm is None else {"comm": comm}
-    stepper = make_stepper(scene, mesh, integrator=INTEGRATORS[integrator](), forces=True, **more)
+def march(scene, mesh, integrator="implicit_euler"):
+    stepper = make_stepper(scene, mesh, integrator=INTEGRATORS[integrator](), forces=True)
     return stepper, list(direct(stepper, Start.at_rest(mesh.points, np.zeros_like(mesh.points)), scene.steps))
 
 
@@ -124,17 +122,6 @@ def test_points_and_offsets_are_exact_at_keys(tmp_path):
         np.testing.assert_array_equal(led(np.zeros((1, 3)), (n + 1) * DT)[0], points[n])
     np.testing.assert_allclose(led.offset(7.25 * DT, 3), 0.75 * points[6] + 0.25 * points[7])
     np.testing.assert_array_equal(led.offset(99.0, 3), points[-1])
-
-
-def on_ranks(comm):
-    _, reports = march(pulled(steps=20), MESH, "bdf2", comm)
-    return {"positions": [report.positions for report in reports]}
-
-
-@pytest.mark.mpi
-def test_two_ranks_pull_alike():
-    one, two = results_on((1, 2), on_ranks)
-    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-7)
 
 
 def test_mistakes_are_named():
