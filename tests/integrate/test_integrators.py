@@ -9,8 +9,8 @@ from pdvol.integrate.integrator import BDF2, ImplicitEuler, Past, advance, past_
 from pdvol.integrate.marches import Start, direct
 from pdvol.potentials.potential import Positions
 from pdvol.registry import INTEGRATORS
-from pdvol.scene import Gravity, Impulse, NeoHookean, Solver, Support
-from problems import block, make_scene, make_stepper, masses, take_step
+from pdvol.scene import Impulse, NeoHookean, Solver, Support
+from problems import block, fail_solve, make_scene, make_stepper, masses, take_step, weight
 
 G = 9.81
 BAR = NeoHookean(young=1e5, poisson=0.3, density=1000.0)
@@ -132,7 +132,7 @@ def test_free_fall(d, integrator):
     """
     dt, tolerance = 0.02, 1e-8
     up = np.eye(d)[-1]
-    scene = make_scene(dt=dt, steps=8, loads=(Gravity(tuple(-G * up)),), solver=Solver(tolerance, linear="direct"))
+    scene = make_scene(dt=dt, steps=8, loads=(weight(d),), solver=Solver(tolerance, linear="direct"))
     mesh, v0 = block((0.0,) * d, (0.4,) * d, 2, jitter=0.1), np.linspace(1.0, 2.0, d)
     start = Start.at_rest(mesh.points, np.tile(v0, (len(mesh.points), 1)))
     past, stepper = start.past, make_stepper(scene, mesh, integrator=integrator)
@@ -153,7 +153,7 @@ def test_the_past_of_a_stored_step_is_the_one_of_the_march(name, monkeypatch):
     """To the last bit, or resumed runs would be others than uninterrupted ones. After steps 2 and 3, before and after
     an impulse, it has one state.
     """
-    scene = make_scene(dt=0.013, steps=8, loads=(Gravity((0.0, -G)), Impulse((0.5, 0.0), time=2.5 * 0.013)))
+    scene = make_scene(dt=0.013, steps=8, loads=(weight(2), Impulse((0.5, 0.0), time=2.5 * 0.013)))
     mesh = block((0.0, 0.0), (0.3, 0.3), 2, jitter=0.1)
     velocity = 2.0 * (mesh.points - 0.1) ** 2
     stepper, pasts = make_stepper(scene, mesh, integrator=INTEGRATORS[name]()), []
@@ -190,21 +190,13 @@ def test_a_cut_step_ends_by_implicit_euler_and_bdf2_goes_on(monkeypatch):
     """
     dt, tolerance = 0.01, 1e-8
     solver = Solver(tolerance=tolerance, linear="direct")
-    scene = make_scene(dt=dt, steps=5, loads=(Gravity((0.0, -G)),), solver=solver)
+    scene = make_scene(dt=dt, steps=5, loads=(weight(2),), solver=solver)
     mesh = block((0.0, 0.0), (0.3, 0.3), 2, jitter=0.1)
     start = Start.at_rest(mesh.points, 4.0 * (mesh.points - 0.1) ** 2)
-    stepper, weights = make_stepper(scene, mesh, integrator=BDF2()), []
-    solve = stepper.newton.solve
-
-    def fails_once(x, *choices, **more):
-        x, report = solve(x, *choices, **more)
-        weights.append(stepper.potential.weight)
-        report.converged = report.converged and len(weights) != 3
-        return x, report
-
-    monkeypatch.setattr(stepper.newton, "solve", fails_once)
+    stepper = make_stepper(scene, mesh, integrator=BDF2())
+    weights = fail_solve(monkeypatch, stepper, 3)
     reports = list(direct(stepper, start, scene.steps))
-    assert [report.cuts for report in reports] == [0, 0, 1, 0, 0]
+    assert [report.cuts for report in reports] == [report.remedies["halvings"] for report in reports] == [0, 0, 1, 0, 0]
     whole, half = (2.0 * dt / 3.0) ** 2, (dt / 2.0) ** 2
     np.testing.assert_allclose(weights, [dt**2, whole, whole, half, half, whole, whole], rtol=1e-14)
 
