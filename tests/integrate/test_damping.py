@@ -5,14 +5,20 @@ import pytest
 
 import pdvol
 from pdvol import Body, NeoHookean, Scene, meshes
-from pdvol.registry import INTEGRATORS
 
 DAMPING, DT = 0.1, 0.01
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize(
-    ("stretch", "poisson"), [(0.4, 0.0), (0.4, 0.499), (0.7, 0.3), (1.1, 0.49), (1.5, 0.3), (2.5, 0.0), (2.5, 0.499)]
+    ("stretch", "poisson", "integrator"),
+    [
+        (0.4, 0.0, "implicit_euler"),
+        (0.4, 0.499, "bdf2"),
+        (0.7, 0.3, "bdf2"),
+        (1.1, 0.49, "implicit_euler"),
+        (2.5, 0.0, "bdf2"),
+        (2.5, 0.499, "implicit_euler"),
+    ],
 )
 def test_a_stretch_that_keeps_its_volume_relaxes(poisson, stretch, integrator):
     """Inertia is negligible. Where strains are small, the stretch decays by 1 / e in one damping time."""

@@ -106,7 +106,3 @@ def test_the_diagonal_of_a_disc_and_a_ball_is_that_of_their_box():
     flipped = meshes.Surface(ball.vertices, np.vstack([ball.triangles[:1, ::-1], ball.triangles[1:]]))
     for shape in (ball, flipped):
         assert scene_diagonal(falling(Body((shape,), SOFT))) == pytest.approx(np.sqrt(3) * 0.6, rel=0.02)
-
-
-def test_lengths_in_metres_stay():
-    assert metres(0.002, 7.0) == 0.002 and metres(Relative(0.002), 7.0) == pytest.approx(0.014)

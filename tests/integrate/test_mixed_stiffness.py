@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.scene import Barrier, FixedCorotational, Friction, Gravity, NeoHookean, Plane, Solver, StVenantKirchhoff
-from problems import block, make_scene, make_stepper, march
+from pdvol.scene import Barrier, FixedCorotational, Friction, NeoHookean, Solver, StVenantKirchhoff
+from problems import block, ground, make_scene, make_stepper, march, weight
 from shapes import together
 
 
@@ -21,8 +21,8 @@ def test_a_rigid_block_thrown_on_a_soft_one(d, law):
     mesh = together(soft, hard)
     scene = make_scene(
         (law(2e4), law(2e10)),
-        loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),),
-        obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
+        loads=(weight(d),),
+        obstacles=ground(d)[:1],
         contact=(Barrier(dhat=4e-3), Friction(0.3)),
         solver=Solver(tolerance=1e-3),
     )
@@ -47,10 +47,7 @@ def test_every_law_survives_a_hard_impact(law):
     """
     mesh = block((0.0, 0.02), (0.4, 0.42), 4, jitter=0.1)
     scene = make_scene(
-        (law(2e4),),
-        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),),
-        contact=(Barrier(dhat=5e-3),),
-        solver=Solver(tolerance=1e-3),
+        (law(2e4),), obstacles=ground(2)[:1], contact=(Barrier(dhat=5e-3),), solver=Solver(tolerance=1e-3)
     )
     velocity, least = np.tile([0.0, -8.0], (len(mesh.points), 1)), 1.0
     for report in march(make_stepper(scene, mesh), 15, velocity=velocity):

@@ -5,8 +5,8 @@ import pytest
 
 from pdvol.integrate.stepper import Stepper
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver, Support
-from problems import block, make_scene, make_stepper, march
+from pdvol.scene import Barrier, Friction, NeoHookean, Solver, Support
+from problems import block, ground, make_scene, make_stepper, march, weight
 from shapes import box
 
 G = 9.81
@@ -31,7 +31,7 @@ def equilibrium(material, mesh, where, seconds, nearest):
     scene = make_scene(
         (material,),
         dt=seconds,
-        loads=(Gravity((0.0,) * (d - 1) + (-G,)),),
+        loads=(weight(d),),
         supports=(Support(where),),
         solver=Solver(tolerance=nearest / seconds, linear="direct"),
     )
@@ -113,11 +113,10 @@ def test_newton_goes_downhill_and_stops_slow(d):
     within the tolerance.
     """
     tolerance = 1e-5
-    plane = Plane((0.0,) * d, tuple(np.eye(d)[-1]))
     scene = make_scene(
         dt=0.02,
-        loads=(Gravity((0.0,) * (d - 1) + (-G,)),),
-        obstacles=(plane,),
+        loads=(weight(d),),
+        obstacles=ground(d)[:1],
         contact=(Barrier(dhat=0.01), Friction(0.3)),
         solver=Solver(tolerance=tolerance, linear="direct"),
     )

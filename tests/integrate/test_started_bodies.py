@@ -19,11 +19,6 @@ from shapes import box, together
 
 YOUNG, DENSITY = 1e5, 1000.0
 TIGHT = pdvol.Solver(tolerance=1e-9, linear="direct")
-LAWS = {  # energy densities [Pa] where one axis is stretched by s, and the others are not
-    pdvol.NeoHookean: lambda s, mu, lmbda: mu / 2 * (s**2 - 1) - mu * np.log(s) + lmbda / 2 * np.log(s) ** 2,
-    pdvol.StVenantKirchhoff: lambda s, mu, lmbda: (mu + lmbda / 2) * ((s**2 - 1) / 2) ** 2,
-    pdvol.FixedCorotational: lambda s, mu, lmbda: (mu + lmbda / 2) * (s - 1) ** 2,
-}
 
 
 def stretched(*factors):
@@ -51,14 +46,14 @@ def strained(space, material, positions):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("law", LAWS)
-def test_the_energy_of_a_stretched_start(law, d):
-    material = law(YOUNG, 0.3, DENSITY)
+def test_the_energy_of_a_stretched_start(d):
+    material, (mu, lmbda) = pdvol.NeoHookean(YOUNG, 0.3, DENSITY), lame(YOUNG, 0.3)
     mesh = block((0.0,) * d, (1.0, 0.2, 0.2)[:d], (5, 2, 2)[:d], jitter=0.2)
     for s in (0.7, 1.6):
         model = make_model(starting(make_scene((material,)), stretched(s, *(1.0,) * (d - 1))), mesh)
         found = strained(LevelSpace(mesh, MPI.COMM_SELF), material, model.start)
-        assert found == pytest.approx(LAWS[law](s, *lame(YOUNG, 0.3)) * mesh.volumes.sum(), rel=1e-9)
+        density = mu / 2 * (s**2 - 1) - mu * np.log(s) + lmbda / 2 * np.log(s) ** 2  # where one axis is stretched
+        assert found == pytest.approx(density * mesh.volumes.sum(), rel=1e-9)
 
 
 def test_a_stretched_bar_that_is_let_go_swings_as_waves_do():

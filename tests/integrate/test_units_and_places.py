@@ -9,32 +9,22 @@ from contact_reference import DHAT, KAPPA, brute_force_energy, random_tetrahedra
 from pdvol import Attachment, Barrier, Body, Gravity, NeoHookean, Plane, Relative, Rotation, Scene, Solver, Support
 from pdvol.levels.attachments import bound_springs
 from pdvol.levels.space import LevelSpace
-from pdvol.meshes import Solid
 from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.potential import Positions
 from problems import SOFT, make_scene
-from shapes import box, grid, together
+from shapes import box, cut_block, together
 
 AWAY, GRAIN = 1024.0, 2.0**-36  # [m]: coordinates that are multiples of the second are moved by the first exactly
 MILLIGRAMS = 2.0**-27  # of a kilogram, about 7: a power of two changes no digit
 
 
-def block(width, height, cuts, place):
-    """Its middle is at `place`."""
-    ticks = (np.linspace(-0.5 * size, 0.5 * size, n + 1) for size, n in zip((width, height), cuts, strict=True))
-    mesh = grid(*ticks)
-    return (Solid(mesh.points + place, mesh.cells, np.zeros(len(mesh.cells), dtype=np.int32)),)
-
-
-@pytest.mark.parametrize(
-    ("away", "tolerance"), [((0.0, 1e3), 1e-3), ((1e3, 0.0), 1e-6), ((0.0, 1e4), 1e-3), ((0.0, 1e4), 1e-6)]
-)
+@pytest.mark.parametrize(("away", "tolerance"), [((1e3, 0.0), 1e-6), ((0.0, 1e4), 1e-3)])
 def test_a_block_settles_far_from_the_origin_as_at_it(away, tolerance):
     """A load's energy is that of displacements: of positions, 10 km up, it would hide what a line search looks for."""
 
     def settles(place):
-        body = Body(block(0.3, 0.24, (3, 2), np.array([0.0, 0.1235]) + place), NeoHookean(8e4, 0.3, 1600.0))
+        body = Body((cut_block((0.3, 0.24), (3, 2), place + [0.0, 0.1235]),), NeoHookean(8e4, 0.3, 1600.0))
         scene = Scene(
             (body,),
             obstacles=(Plane(tuple(place), (0.0, 1.0)),),
@@ -51,8 +41,7 @@ def test_a_block_settles_far_from_the_origin_as_at_it(away, tolerance):
     assert max(np.abs(one - other).max() for (one, _), (other, _) in zip(near, far, strict=True)) < 1e-7
 
 
-@pytest.mark.parametrize("turns", [-3.16, 6.0])
-def test_bodies_of_milligrams_move_as_those_of_kilograms(turns):
+def test_bodies_of_milligrams_move_as_those_of_kilograms():
     """Three blocks on each other, the top one turned by a support. Prescribed displacements in metres do not enter the
     residual of conjugate gradients, whose free rows are in kg m.
     """
@@ -60,13 +49,13 @@ def test_bodies_of_milligrams_move_as_those_of_kilograms(turns):
     def turned(mass):
         bodies = tuple(
             Body(
-                block(0.4, 0.3, (3, 2), np.array([0.0, 0.151 + 0.3013 * number])),
+                (cut_block((0.4, 0.3), (3, 2), [0.0, 0.151 + 0.3013 * number]),),
                 NeoHookean(mass * young, 0.45, 1000.0 * mass),
                 name=f"body {number}",
             )
             for number, young in enumerate((2e3, 8e3, 5e5))
         )
-        held = Support(lambda X: X[:, 0] < -0.1, "body 2", motion=Rotation(turns, (0.02, 0.61)))
+        held = Support(lambda X: X[:, 0] < -0.1, "body 2", motion=Rotation(6.0, (0.02, 0.61)))
         scene = Scene(
             bodies,
             supports=(held,),
