@@ -2,8 +2,6 @@
 again.
 """
 
-from itertools import product
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -14,20 +12,19 @@ from pdvol.levels.materials import cell_materials, level_materials
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import CauchyStress
 from pdvol.potentials.potential import Positions
-from pdvol.registry import ELEMENTS
 from pdvol.scene import Body, FixedCorotational, Keyed, NeoHookean, Pressure, Region, Scene, StVenantKirchhoff
 from problems import elastic, make_scene
 from shapes import box, together
 from taylor import hessian_of, state
 
 DIMENSIONS = [2, 3]
-LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
 KEYS = Keyed((1.0, 3.0), (2.0, 6.0))
 SECOND = 5.0  # Pa: Young's modulus of the other body
 
 
 @pytest.mark.parametrize(
-    ("d", "law", "elements"), [*product([2], LAWS, ELEMENTS), *product([3], [NeoHookean], ELEMENTS)]
+    ("d", "law", "elements"),
+    [(2, StVenantKirchhoff, "linear"), (2, FixedCorotational, "smoothed"), (3, NeoHookean, "smoothed")],
 )
 def test_each_time_has_its_own_material(d, law, elements):
     """Value, gradient, Hessian and stress at t = 2.5 s are those of 5 Pa in one body, and of the other's own."""

@@ -116,7 +116,7 @@ def test_derivatives_under_the_barrier(law, d):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_isotropic_laws_are_recognised(terms, law):
-    """In 3D their Hessians go through stretches (checked in test_hessian_filter), many times faster."""
+    """In 3D their Hessians go through stretches (test_terms_and_motions.py checks them), many times faster."""
     assert terms[law, 3].stretches
 
 
@@ -129,6 +129,14 @@ def damped(space):
     _, damping = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
     assert isinstance(damping, Damping)
     return damping
+
+
+def begun(d):
+    """A block's damping in a step from rest: its space, the positions at rest and the term."""
+    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
+    X, term = space.from_input(space.mesh.points), damped(space)
+    term.begin_step(Positions(space, X), 0.0, DT)
+    return space, X, term
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -165,10 +173,8 @@ def test_damping_stress_by_hand(cells, d, s, t):
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_damping_is_rayleigh_s_at_rest(d):
     """D ~ 1/2 (x - x_t)' (damping / dt) K (x - x_t) with K the elastic Hessian at rest: stiffness-proportional."""
-    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
-    X = space.from_input(space.mesh.points)
-    law, damping = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
-    damping.begin_step(Positions(space, X), 0.0, DT)
+    space, X, damping = begun(d)
+    (law,) = elastic(space, NeoHookean(YOUNG, POISSON))  # without damping there is no term of it
     K, C = (hessian_of(term, space, X, "none").toarray() for term in (law, damping))
     np.testing.assert_allclose(C, BETA / DT * K, atol=1e-10 * np.abs(C).max())
 
@@ -178,11 +184,7 @@ def test_projected_damping_by_hand(d):
     """v'Hv = sum over cells of volume (2 mu |e|^2 + lmbda tr(F^-1 f)^2) damping / dt, e = sym(F'f), f the gradient of
     v: nothing of the viscous stress, however far from definite the exact Hessian is.
     """
-    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
-    rng = np.random.default_rng(2)
-    X = space.from_input(space.mesh.points)
-    term = damped(space)
-    term.begin_step(Positions(space, X), 0.0, DT)
+    (space, X, term), rng = begun(d), np.random.default_rng(2)
     x, v = 0.7 * X + 0.1 * rng.uniform(-1, 1, X.shape), rng.standard_normal(X.shape)
     exact, H = (hessian_of(term, space, x, name).toarray() for name in ("none", "clamp"))
     F, f = (
@@ -200,18 +202,11 @@ def test_damping_of_an_expansion_is_stiff_across_it(d):
     """The viscous stress is tensile, so the exact Hessian is definite: the projection "abs", for steps that overshoot,
     takes it whole, while "clamp" has nothing of it against a turn.
     """
-    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
-    X = space.from_input(space.mesh.points)
-    term = damped(space)
-    term.begin_step(Positions(space, X), 0.0, DT)
+    space, X, term = begun(d)
     exact, clamped, whole = (hessian_of(term, space, 1.5 * X, name).toarray() for name in ("none", "clamp", "abs"))
     np.testing.assert_allclose(whole, exact, atol=1e-11 * np.abs(exact).max())
     turn = (X @ (np.eye(d)[[1, 0, 2][:d]] * np.array([1.0, -1.0, 0.0])[:d, None])).ravel()
     assert abs(turn @ clamped @ turn) < 1e-9 < 1e-3 < turn @ exact @ turn
-
-
-def test_no_damping_no_term(cells):
-    assert len(elastic(cells[2], NeoHookean(YOUNG, POISSON))) == 1
 
 
 # ---- a user's law
@@ -248,6 +243,20 @@ def test_a_law_with_many_parameters_of_its_own(d):
 def test_a_law_with_too_many_parameters_is_refused(cells):
     with pytest.raises(InputError, match="^Many: psi has 72 parameters, at most 64 are possible; [^\\n]*$"):
         elastic(cells[3], many_parameters(70)(YOUNG, POISSON))
+
+
+def test_fibres_that_act_in_large_stretches_alone_are_seen():
+    """Near rest the density is isotropic to the last bit, and its Hessian far from there still has the fibre."""
+    space = LevelSpace(box(3, 2, jitter=0.1), MPI.COMM_SELF)
+    ones = np.ones(len(space.mesh.cells))
+
+    def psi(F, mu, lmbda):
+        along = F[0, 0] ** 2 + F[1, 0] ** 2 + F[2, 0] ** 2
+        return NeoHookean.psi(F, mu, lmbda) + 50.0 * ufl.max_value(along - 1.6**2, 0.0) ** 2
+
+    term = CellEnergy(space, Density(psi), {"mu": MU * ones, "lmbda": LMBDA * ones}, Domains(space, ones > 0.0))
+    assert not term.stretches
+    check_term(term, space, 1.8 * space.from_input(space.mesh.points), 1e-2)
 
 
 @pytest.mark.parametrize("psi", [lambda F, mu: mu**2, lambda F, mu: mu * F[0, 0]])
