@@ -8,7 +8,7 @@ import ipctk
 import numpy as np
 import pytest
 
-from contact_reference import DHAT, KAPPA, all_pairs, between_edges, mesh_of, surface_of, to_facets, turned, two_boxes
+from contact_reference import DHAT, KAPPA, all_pairs, between_edges, mesh_of, surface_of, to_facets, turned
 from pdvol.levels.script import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
@@ -100,7 +100,7 @@ def check_complete(candidates, vertices):
 
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("obstacle", [None, "moving"])
-@pytest.mark.parametrize("size", [1e-4, 3e-3, 0.05, 0.5])
+@pytest.mark.parametrize("size", [1e-4, 0.05, 0.5])
 def test_lists_are_complete_on_random_walks(d, obstacle, size):
     """Bodies move by any length, some of them all together, turn by any angle, are bent, and are flattened until they
     touch themselves: at the ends of straight moves, and anywhere on the way, after any history.
@@ -181,29 +181,6 @@ def test_bodies_far_from_each_other_are_not_searched_until_they_come_near():
     assert between.searches == 1
     candidates.contacts(candidates.surface.vertices(x.moved(1.0 - 0.5 * DHAT, other)), KAPPA)
     assert between.searches == 2 and len(between.points)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_places_near_the_line_of_a_move_need_no_new_search(d):
-    """Nor do moves between them. Places far beyond its end or beside it do."""
-    space, candidates = two_boxes(d, obstacle=True)
-    start = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
-    slack = LIST_SLACK * candidates.primitives.edge_length
-    beside = np.random.default_rng(2).uniform(-1.0, 1.0, start.shape) / np.sqrt(d)
-    for where, more in (
-        (start + 0.3 * move, 0),
-        (start + 0.3 * move + 0.4 * slack * beside, 0),
-        (start + 2.0 * move, 1),
-        (start + 0.3 * move + 10.0 * slack * beside, 1),
-    ):
-        for pairs in Candidates(ContactSurface(space, candidates.surface.obstacles), DHAT).lists:
-            pairs.along(start, start + move)
-            before = pairs.searches
-            pairs.at(where)
-            assert pairs.searches == before + more
-            pairs.along(where, start + 0.7 * move)
-            assert pairs.searches == before + 2 * more
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -9,8 +9,8 @@ import pytest
 
 from pdvol.potentials.contact.friction import LaggedFriction
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver
-from problems import block, make_scene, make_stepper, march
+from pdvol.scene import Barrier, Friction, NeoHookean, Solver
+from problems import block, ground, make_scene, make_stepper, march, weight
 from taylor import hessian_of
 from touching_blocks import touching
 
@@ -113,8 +113,8 @@ def spun():
     scene = make_scene(
         (NeoHookean(1e4, 0.4, 1000.0),),
         dt=0.01,
-        loads=(Gravity((0.0, 0.0, -9.81)),),
-        obstacles=(Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), name="floor"),),
+        loads=(weight(3),),
+        obstacles=ground(3)[:1],
         contact=(Barrier(dhat=2e-3), Friction(0.3, eps_v=1e-3)),
         solver=Solver(tolerance=1e-4),
     )

@@ -14,10 +14,10 @@ from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import EDGES, POINT
 from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
-from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Solver
+from pdvol.scene import Barrier, Friction, NeoHookean, Placement, Rigid, Solver
 from pdvol.solve import newton
 from pdvol.solve.newton import Newton
-from problems import SOFT, block, make_scene, make_stepper, march
+from problems import SOFT, block, ground, make_scene, make_stepper, march, weight
 from shapes import together
 from touching_blocks import DHAT, KAPPA, touching
 
@@ -156,8 +156,8 @@ def thrown(d, mu, young, speed=6.0, steps=12):
     scene = make_scene(
         (NeoHookean(young, 0.4, 1000.0),) * 2,
         dt=0.01,
-        loads=(Gravity(tuple(-9.81 * up)),),
-        obstacles=(Plane((0.0,) * d, tuple(up), name="floor"),),
+        loads=(weight(d),),
+        obstacles=ground(d)[:1],
         contact=(Barrier(dhat=2e-3), *((Friction(mu, eps_v=1e-3),) if mu else ())),
         solver=Solver(tolerance=1e-8),
     )
