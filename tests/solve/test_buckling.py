@@ -25,7 +25,7 @@ def pressed(press, tolerance=1e-4):
     return take_step(make_stepper(scene, mesh), 1, mesh.points, np.zeros_like(mesh.points))
 
 
-@pytest.mark.parametrize("press", [0.2, 0.3, 0.4])
+@pytest.mark.parametrize("press", [0.2, 0.4])
 def test_a_bar_that_buckles_takes_fewer_steps_and_comes_nearer_to_its_end(monkeypatch, press):
     """Without lengthening, each step is a few per cent shorter than the one before. The tolerance is then reached long
     before the end (1 mm early at 0.4).

@@ -8,25 +8,21 @@ import weakref
 import numpy as np
 import pytest
 
-from pdvol.meshes import Outline
-from pdvol.scene import Barrier, Plane, Rigid, Solver
+from pdvol.scene import Barrier, Solver
 from pdvol.solve.linear.solver import LinearSolver
 from pdvol.solve.newton import Newton
-from problems import block, make_scene, make_stepper, march, polyline, take_step
+from problems import block, ground, make_scene, make_stepper, march, take_step
 
 DHAT = 0.01
 
 
 @pytest.mark.parametrize("obstacle", ["plane", "surface"])
-@pytest.mark.parametrize("gap", [1e-4, 1e-7, 1e-10])
+@pytest.mark.parametrize("gap", [1e-4, 1e-10])
 def test_a_body_deep_inside_a_barrier_comes_out(obstacle, gap):
     """A block at rest is a millionth of dhat or less away from the surface that pushes it. The step ends where the
     forces balance, not where it began.
     """
-    corners = np.array([(-1.0, -0.5), (1.0, -0.5), (1.0, 0.0), (-1.0, 0.0)])
-    floor, geometry = (
-        (Plane((0.0, 0.0), (0.0, 1.0)), ()) if obstacle == "plane" else (Rigid(Outline(corners)), (polyline(corners),))
-    )
+    floor, geometry = ground(2, obstacle)
     scene = make_scene(dt=0.01, obstacles=(floor,), contact=(Barrier(dhat=DHAT),), solver=Solver(tolerance=1e-3))
     mesh = block((0.0, gap * DHAT), (0.4, 0.4 + gap * DHAT), 2)
     problem = make_stepper(scene, mesh, geometry)
@@ -38,8 +34,7 @@ def test_a_body_deep_inside_a_barrier_comes_out(obstacle, gap):
 def impact(**settings):
     """The step in which a block that falls at 3 m/s meets the floor, after four steps in the air."""
     solver = Solver(tolerance=1e-5, **settings)
-    floor = Plane((0.0, 0.0), (0.0, 1.0))
-    scene = make_scene(dt=0.01, obstacles=(floor,), contact=(Barrier(dhat=DHAT),), solver=solver)
+    scene = make_scene(dt=0.01, obstacles=ground(2)[:1], contact=(Barrier(dhat=DHAT),), solver=solver)
     mesh = block((0.0, 0.02), (0.4, 0.42), 4)
     problem = make_stepper(scene, mesh, ())
     return take_step(problem, 1, mesh.points, np.full_like(mesh.points, (0.0, -3.0)))
