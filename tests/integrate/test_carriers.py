@@ -8,7 +8,6 @@ import pytest
 
 from pdvol import meshes
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.geometry.rigid_motions import Pose
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.scripted_motion import carriers
 from pdvol.levels.obstacles import plane_obstacle
@@ -122,21 +121,3 @@ def carried(pairs, held=()):
 )
 def test_who_is_carried(pairs, held, of, blocked):
     assert carried(pairs, held) == (of, blocked)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("count", [1, 2, 6])
-def test_the_rigid_motion_of_points_is_found(d, count):
-    """Of two points (a plane's) in 3D, the one that turns least."""
-    random, turn = np.random.default_rng(3), 0.7
-    R = np.eye(d)
-    R[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
-    points = random.standard_normal((count, d))
-    points[:, 2:] = 0.0 if count == 2 else points[:, 2:]
-    shift, others = random.standard_normal(d), random.standard_normal((5, d))
-    moved = Pose.fitted(points, points @ R.T + shift)
-    np.testing.assert_allclose(moved(points), points @ R.T + shift, atol=1e-8)
-    if count > 1:
-        np.testing.assert_allclose(moved(others), others @ R.T + shift, atol=1e-7)
-    else:
-        np.testing.assert_allclose(moved(others) - others, np.tile(moved(points)[0] - points[0], (5, 1)), atol=1e-12)
