@@ -10,7 +10,7 @@ from pdvol.geometry.crossings import edges_of, find_crossings
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import LEAST_GAIN
 from pdvol.scene import Barrier, Path, Plane, Rigid, Rotation, Sequential, Solver, Support, Translation, moved
-from problems import block, make_scene, make_stepper, march, polyline, tetrahedron, weight
+from problems import block, make_scene, make_stepper, march, polyline, weight
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
 SOLVER = Solver(tolerance=1e-4)
@@ -155,48 +155,6 @@ def test_a_support_driven_through_a_wall_stops_in_front_of_it(d, speed):
     assert report.reached < 1e-3  # it waits: gaps do not shrink step by step for nothing
     assert report.min_gap > 1e-10
     assert report.friction_residual is None and report.friction_iterations == 0
-
-
-def paddle(d, speed):
-    """A bar that turns about its left end into a block held at its bottom; and the obstacle's geometry."""
-    if d == 2:
-        geometry = polyline([(-0.05, 0.2), (0.45, 0.2), (0.45, 0.25), (-0.05, 0.25)])
-    else:
-        geometry = tetrahedron([(-0.05, 0.03, 0.2), (0.45, 0.05, 0.2), (0.45, -0.02, 0.3), (0.2, 0.1, 0.3)])
-    centre = -0.05 * np.eye(d)[0] + 0.22 * np.eye(d)[-1]
-    motion = Rotation(-speed if d == 2 else speed, tuple(centre), (0.0, 0.0, 1.0) if d == 2 else (0.0, 1.0, 0.0))
-    return Rigid("paddle", motion=motion), geometry
-
-
-@pytest.mark.parametrize(("d", "speed"), [(2, 50.0), (3, 5.0)])
-def test_a_paddle_turns_into_a_body_without_crossing_it(d, speed):
-    """The paddle turns by 0.1 rad and by 1 rad a step. The chord of its arc cuts through the body, but the arc itself
-    does not. At the end of every step the obstacle is where its motion places it at the reported time, and nothing
-    crosses it there.
-    """
-    rigid, geometry = paddle(d, speed)
-    mesh = block((0.1,) + (0.0,) * (d - 1), (0.5,) + (0.1,) * (d - 1), (4, 1) if d == 2 else (3, 1, 1))
-    scene = make_scene(
-        dt=0.02,
-        supports=(Support(lambda X: X[:, -1] < 1e-9),),
-        obstacles=(rigid,),
-        contact=(Barrier(dhat=5e-3),),
-        solver=SOLVER,
-    )
-    problem = make_stepper(scene, mesh, [geometry])
-    behind, touched = 0.0, False
-    for report in march(problem, 6 if speed == 5.0 else 2):
-        at = report.time - report.behind
-        vertices = rigid.motion(geometry[0], at)
-        np.testing.assert_allclose(problem.potential.contacts[-1].surface.obstacle_positions, vertices, atol=1e-14)
-        assert not crosses(mesh, report.positions, (vertices, *geometry[1:]))
-        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
-        touched |= report.contacts > 0
-        assert report.reached == pytest.approx(1.0 - report.behind / (scene.dt + behind), abs=1e-12)
-        behind = report.behind
-    assert touched and behind > 0.0
-    # Where it should be by now it would stand in the body.
-    assert crosses(mesh, report.positions, (rigid.motion(geometry[0], (0.1 if speed == 5.0 else 0.012)), *geometry[1:]))
 
 
 def test_a_body_pressed_to_a_wall_turns_with_it():
