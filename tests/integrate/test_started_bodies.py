@@ -152,3 +152,30 @@ def test_springs_lead_to_the_nearest_place_at_the_start_and_have_that_length(d):
     np.testing.assert_allclose(ends[:, 1], 3.0, rtol=1e-12)
     begins = -np.einsum("ka,kai->ki", springs.weights[:, : d + 1], mesh.points[springs.points[:, : d + 1]])
     np.testing.assert_allclose(over(ends) - begins, np.tile(0.5 * up, (len(ends), 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stretch", "poisson", "integrator"),
+    [
+        (0.4, 0.0, "implicit_euler"),
+        (0.4, 0.499, "bdf2"),
+        (0.7, 0.3, "bdf2"),
+        (1.1, 0.49, "implicit_euler"),
+        (2.5, 0.0, "bdf2"),
+        (2.5, 0.499, "implicit_euler"),
+    ],
+)
+def test_a_stretch_that_keeps_its_volume_relaxes(poisson, stretch, integrator):
+    """Inertia is negligible. Where strains are small, the stretch decays by 1 / e in one damping time."""
+    damping, start = 0.1, np.array([stretch, stretch**-0.5, stretch**-0.5])
+    material = pdvol.NeoHookean(1e6, poisson, 10.0, damping=damping)
+    body = pdvol.Body((pdvol.meshes.brick((0.1,) * 3, (2,) * 3),), material, start=lambda X: X * start)
+    scene = pdvol.Scene((body,), dt=0.01, steps=40, integrator=integrator)
+    for step in pdvol.march(scene, levels=0):
+        X, x = np.asarray(step.model.mesh.points), step.positions
+        F = np.linalg.lstsq(X - X.mean(axis=0), x - x.mean(axis=0), rcond=None)[0]
+        stretches = np.linalg.svd(F, compute_uv=False)
+        left = (stretches[0 if stretch > 1.0 else 2] - 1.0) / (stretch - 1.0)
+        if left < np.exp(-1.0):
+            break
+    assert 1.0 <= step.time / damping <= 3.0
