@@ -4,17 +4,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
-from pdvol.integrate.integrator import BDF2, State, rates_of
 from pdvol.integrate.marches import Start, direct
-from pdvol.levels.script import Script
-from pdvol.levels.space import LevelSpace
-from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
 from pdvol.registry import INTEGRATORS
-from pdvol.scene import Barrier, Flow, Friction, NeoHookean, Path, Solver, rotation_matrix
-from problems import block, ground, make_model, make_scene, make_stepper, masses, weight
+from pdvol.scene import Barrier, Flow, Friction, NeoHookean, Path, Solver
+from problems import block, ground, make_scene, make_stepper, masses, weight
 from shapes import level
 
 G = 9.81
@@ -23,78 +18,6 @@ ORDERS = {"implicit_euler": (0.85, 1.15), "bdf2": (1.8, 2.2)}
 
 def slope(lengths, errors):
     return np.polyfit(np.log(lengths), np.log(errors), 1)[0]
-
-
-# ---- rates of given motions
-
-
-def rubbed(X, t, floor):
-    """Along a floor that moves, too, at a constant height."""
-    return X + floor(t) + 0.05 * np.sin(4.0 * t) * np.eye(X.shape[1])[0]
-
-
-def turned_and_stretched(X, t, floor):
-    d = X.shape[1]
-    turn = rotation_matrix(2.0 * t, (0.3, -0.2, 1.0), d)
-    return (X * (1.0 + 0.2 * np.sin(3.0 * t) * np.eye(d)[0])) @ turn.T
-
-
-def along(d):
-    """Keys of a way along the first axis."""
-    return (0.0, 1.0, 2.0), [tuple(by * np.eye(d)[0]) for by in (0.0, 0.4, 0.1)]
-
-
-class Given:
-    """A term of a block that goes a given way, at the end of a step that ends at t = 1.3 s."""
-
-    def __init__(self, d, kind):
-        wind = lambda X, t: np.sin(X + t) * 2.0
-        way_of_ground = Path(*along(d), smooth=True)
-        obstacle, geometry = ground(d, kind.split()[0], motion=way_of_ground)
-        scene = make_scene(
-            (NeoHookean(1e4, 0.3, 1000.0, damping=0.1 if kind == "damping" else 0.0),),
-            loads=(Flow(wind, 10.0),) if kind == "drag" else (),
-            obstacles=(obstacle,) if "friction" in kind else (),
-            contact=(Barrier(dhat=0.02), Friction(0.5, eps_v=1.0)) if "friction" in kind else (),
-        )
-        mesh = block((0.0,) * (d - 1) + (0.01,), (0.3,) * (d - 1) + (0.31,), 2)
-        self.space, self.model = LevelSpace(mesh, MPI.COMM_SELF), make_model(scene, mesh, geometry)
-        self.script = Script((), self.model.obstacles)
-        terms = build_terms(self.model, self.space, (), self.script).potentials
-        self.terms = [term for term in terms if term.name == kind.split()[-1] or term.name == "barrier"]
-        way = rubbed if "friction" in kind else turned_and_stretched
-        self.at = lambda t: way(mesh.points, t, lambda t: way_of_ground(np.zeros((1, d)), t))
-
-    def force(self, integrator, dt, end=1.3):
-        past = tuple(State(self.at(end - (k + 1) * dt), 0.0 * self.at(end)) for k in range(integrator.states))
-        rates = rates_of(integrator, past, self.space, end - dt, dt, [{}] * integrator.states)
-        rows = self.space.from_input
-        self.script.begin(end - dt, end, {})
-        for term in self.terms:
-            term.begin_step(Positions(self.space, rows(past[0].positions)), end - dt, end)
-            if rates is not None:
-                term.set_rates(rates)
-        for term in self.terms:
-            term.move_obstacles(end)
-        x = Positions(self.space, rows(self.at(end)))
-        return self.terms[-1].gradient(x)
-
-
-@pytest.mark.parametrize("kind", ["plane friction", "surface friction", "drag", "damping"])
-@pytest.mark.parametrize("d", [2, 3])
-def test_rates_have_the_order_of_the_integrator(d, kind):
-    """Beside a step of 1e-4 s. Friction is in its smoothed range, on ground that is quick here and slow there; the flow
-    varies in space; the body turns, which deforms nothing, while it is stretched.
-    """
-    given, lengths = Given(d, kind), np.array([0.02, 0.01, 0.005])
-    exact = given.force(BDF2(), 1e-4)
-    assert np.abs(exact).max() > 0.0
-    for name, (low, high) in ORDERS.items():
-        errors = [np.abs(given.force(INTEGRATORS[name](), dt) - exact).max() for dt in lengths]
-        assert low < slope(lengths, errors) < high, name
-
-
-# ---- solved motions
 
 
 @cache
