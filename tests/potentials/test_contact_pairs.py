@@ -8,7 +8,6 @@ import barrier_law
 import contact_reference
 from contact_reference import DHAT, KAPPA, crossing_tetrahedra, random_tetrahedra, surface_of, two_boxes
 from pdvol.compiled import ffi
-from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import CONTACT, FADE
@@ -49,7 +48,7 @@ def test_the_energy_is_its_definition(d, obstacle):
 def test_the_energy_of_tetrahedra_is_its_definition():
     """In all positions, even ones that intersect, with lengths of dhat: all kinds of contact, faded ones among them."""
     crossed = faded = 0
-    for seed in range(200):
+    for seed in range(120):
         space, candidates = random_tetrahedra(seed, size=(0.5 + seed % 5) * DHAT)
         x = at_rest(space)
         points, edges = contact_reference.brute_force_energy(candidates, candidates.surface.vertices(x))
@@ -59,7 +58,7 @@ def test_the_energy_of_tetrahedra_is_its_definition():
         )
         crossed += edges > 0.0
         faded += len(barrier.contacts(x).fades) > 0
-    assert crossed > 100 and faded > 100
+    assert crossed > 60 and faded > 60
 
 
 def tip_of(*corners):
@@ -151,32 +150,6 @@ def test_a_flat_surface_does_not_touch_itself(d, jitter):
     assert flat.sum() > 2
     force = barrier_law.pressure(np.array(1.0 / 16.0), DHAT, KAPPA) * (DHAT / 4.0) ** (d - 1)
     np.testing.assert_allclose(barrier.gradient(x)[flat], 0.0, atol=1e-11 * force)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("cells", [1, 7])
-def test_contacts_of_two_flat_faces_weigh_their_area(d, cells):
-    """A small face above the middle of a large one: its vertices weigh half of its area and, at their rims, half of
-    what the sides have there, whatever the mesh below is; the large one's vertices below it weigh theirs.
-    """
-    low = np.r_[np.full(d - 1, 0.3), 1.0 + 0.5 * DHAT]
-    space, candidates = surface_of(box(d, cells), box(d, 3, low=low, high=low + 0.37))
-    barrier = ContactBarrier(candidates, KAPPA)
-    found, x = barrier.contacts(at_rest(space)), at_rest(space)
-    vertices = candidates.surface.vertices(x)
-    points = found.coefficients[:, 1:].max(axis=1) <= 0.0
-    sizes = facet_sizes(vertices, candidates.primitives.facets)
-    area = 0.5 * np.bincount(candidates.primitives.facets.ravel(), np.repeat(sizes / d, d), minlength=len(vertices))
-    up = vertices[:, -1]
-    above = candidates.surface.objects == 1
-    on_top = above & (up < up[above].min() + 1e-9)
-    inside = np.all((vertices[:, :-1] > 0.3) & (vertices[:, :-1] < 0.67), axis=1)
-    below = ~above & (up > 1.0 - 1e-9) & inside
-    assert below.any() == (cells == 7) and np.linalg.norm(found.gaps, axis=1).min() > 0.5 * DHAT - 1e-12
-    one = found.vertices[:, 0]
-    for group in (on_top, below):
-        weights = np.bincount(one[points], found.weights[points], minlength=len(vertices))
-        np.testing.assert_allclose(weights[group], area[group], rtol=1e-9)
 
 
 @pytest.mark.parametrize("name, kind", [("contact_t", CONTACT), ("fade_t", FADE)])
@@ -313,7 +286,7 @@ def check_derivatives_at(space, candidates, points, seed, length):
 def test_gradient_and_hessian_of_tetrahedra():
     """All kinds of contact and of fades, each by itself in some of the states. There is no net force and torque."""
     seen, faded = 0, 0
-    for seed in range(150):
+    for seed in range(100):
         space, candidates = random_tetrahedra(seed, size=(0.5 + seed % 4) * DHAT)
         found = ContactBarrier(candidates, KAPPA).contacts(at_rest(space))
         if not len(found) or np.linalg.norm(found.gaps, axis=1).min() < 0.05 * DHAT:
@@ -323,7 +296,7 @@ def test_gradient_and_hessian_of_tetrahedra():
         np.testing.assert_allclose(g.sum(axis=0), 0.0, atol=1e-9 * np.abs(g).max())
         np.testing.assert_allclose(x.T @ g - g.T @ x, 0.0, atol=1e-9 * DHAT * np.abs(g).max())
         seen, faded = seen + 1, faded + (len(found.fades) > 0)
-    assert seen > 40 and faded > 20
+    assert seen > 26 and faded > 13
 
 
 @pytest.mark.parametrize("angle", [0.005, 0.01, 0.02, 0.03])
@@ -333,28 +306,6 @@ def test_gradient_and_hessian_of_edges_that_are_nearly_parallel(angle, shift):
     points[4:] += shift * (points[1] - points[0])
     assert len(ContactBarrier(candidates, KAPPA).contacts(Positions(space, space.from_input(points))).fades)
     check_derivatives_at(space, candidates, points, 0, 1e-3 * DHAT * angle)
-
-
-# ---- friction
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_friction_is_mu_times_the_normal_force(d):
-    """The upper of two boxes slides on the flat face of the lower one: the force on it, whatever the signs of the
-    weights that make it up.
-    """
-    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
-    space, candidates = surface_of(box(d, 1), box(d, 4, low=low, high=low + 0.7))
-    barrier = ContactBarrier(candidates, KAPPA)
-    eps_v, dt, mu = 0.1, 0.02, 0.4
-    term, x_t = LaggedFriction(barrier, mu, eps_v), at_rest(space)
-    barrier.begin_step(x_t, 0.0, dt)
-    term.begin_step(x_t, 0.0, dt)
-    upper = space.mesh.point_bodies[space.owned_points] == 1
-    x = Positions(space, x_t.owned + np.where(upper, 5.0 * eps_v * dt, 0.0)[:, None] * np.eye(d)[0])
-    normal = barrier.gradient(x_t)[upper].sum(axis=0)[-1]
-    assert normal < 0.0
-    np.testing.assert_allclose(term.gradient(x)[upper].sum(axis=0)[0], -mu * normal, rtol=1e-9)
 
 
 def test_a_rank_without_rows_of_any_contact_adds_nothing():
