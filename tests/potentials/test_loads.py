@@ -1,33 +1,26 @@
-"""Inertia, forces, impulses, flows, pressures and what changes with time, against momentum balances, enclosed volumes
+"""Forces, impulses, flows, pressures and what changes with time, against momentum balances, enclosed volumes
 and expansions worked out by hand.
 """
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
 from mpi4py import MPI
 from scipy.optimize import brentq
 
 from pdvol import meshes
 from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets
-from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import kernels
-from pdvol.potentials.build import Terms
 from pdvol.potentials.loads import EnclosedPressure, point_shares
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Pressure, Solver, Support
-from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.report import Stopwatch
 from problems import make_scene, make_stepper, march, masses, take_step
 from shapes import box, level, together
 from taylor import check_term, exact_hessian, hessian_of, smallest_eigenvalue, state
 
 DIMENSIONS = [2, 3]
-ROUND = 1e-12  # relative size of what should cancel
 LOOSE = 1e-7  # m/s: the solver's tolerance, of speeds of order one
 STIFF = NeoHookean(1e8, 0.3, 1000.0)
 
@@ -40,34 +33,6 @@ def speeds(scene, mesh, steps, velocity=None):
     """Velocities (n, d) after each step, and the vertices' masses."""
     problem = make_stepper(scene, mesh)
     return [report.velocity for report in march(problem, steps, velocity=velocity)], masses(problem)
-
-
-# ---- inertia
-
-
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_inertia_is_the_form_that_dolfinx_assembles(d):
-    """Value, gradient and Hessian of the march's inertia, with another density in each cell: vertex quadrature lumps
-    the mass matrix, so that its other entries are zero.
-    """
-    space, dt = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF), 0.02
-    rho = np.random.default_rng(1).uniform(1.0, 5.0, len(space.mesh.cells))
-    mass = np.repeat(space.from_input(lumped_masses(space.mesh, rho))[:, None], d, axis=1)
-    potential = IncrementalPotential(space, Terms(mass, ()), Stopwatch())
-    x = Positions(space, state(space))
-    potential.begin_step(x, x.owned + 0.3 * state(space, seed=5), dt**2, 0.0, dt)
-    u = space.function(space.to_input(x.owned - potential.x_hat), "u")
-    dx = ufl.Measure("dx", domain=space.domain, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
-    energy = space.cell_function(rho, "density") / 2 * ufl.inner(u, u) * dx
-    force = ufl.derivative(energy, u)
-    mass = fem.assemble_matrix(fem.form(ufl.derivative(force, u))).to_dense()
-    assert potential.value(x) == pytest.approx(fem.assemble_scalar(fem.form(energy)), rel=ROUND)
-    assembled = fem.assemble_vector(fem.form(force)).array.reshape(-1, d)
-    np.testing.assert_allclose(potential.gradient(x), assembled, rtol=ROUND, atol=ROUND)
-    np.testing.assert_allclose(
-        hessian_of(potential, space, x.owned).toarray(), mass, rtol=ROUND, atol=ROUND * mass.max()
-    )
-    np.testing.assert_allclose(mass, np.diag(mass.diagonal()), atol=ROUND * mass.max())
 
 
 # ---- drag as a term
