@@ -169,14 +169,3 @@ def test_a_level_below_that_creeps_leads_what_contact_holds():
     pair = held_by_the_floor(creep)
     reports = pair.march(pair.fine.points, 400)
     assert reports[-1].positions[:, 1].mean() < reports[99].positions[:, 1].mean() - 1e-6
-
-
-def test_only_progressive_levels_above_the_coarsest_have_feedback():
-    pair = Pair(lambda step, X: X)
-    for method, model in (
-        ("tracks", pair.model),
-        ("direct", pair.model),
-        ("progressive", replace(pair.model, level=0)),
-        ("progressive", replace(pair.model, feedback=0.0)),
-    ):
-        assert level_feedback(model, pair.levels, method, pair.path) == ()
