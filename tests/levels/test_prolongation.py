@@ -1,63 +1,13 @@
-"""Prolongation: the PETSc matrix and what the report says; exactness and adjoint are tested with the interpolants."""
+"""Levels in a row, and the coarse ones that linear solvers take."""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from pdvol.levels.binding import bind
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.prolongation import Prolongation
-from pdvol.levels.space import LevelSpace
-from shapes import box, together
+from shapes import box
 
 COMM = MPI.COMM_WORLD
-
-
-@pytest.fixture(scope="module", params=[2, 3])
-def pair(request):
-    """Two bodies; the fine points reach out of the coarse ones."""
-    d = request.param
-    coarse = together(box(d, 2, 0.1, 0.85, jitter=0.15), box(d, 2, 1.1, 1.9, jitter=0.15, seed=1))
-    fine = together(box(d, 5, jitter=0.2, seed=2), box(d, 5, 1.0, 2.0, jitter=0.2, seed=3))
-    coarse, fine = LevelSpace(coarse, COMM), LevelSpace(fine, COMM)
-    return coarse, fine, Prolongation(coarse, fine, bind(fine, coarse))
-
-
-def test_the_matrix_fits_vectors_of_both_spaces(pair):
-    coarse, fine, prolongation = pair
-    assert prolongation.matrix.getSizes() == (fine.create_vector().getSizes(), coarse.create_vector().getSizes())
-    assert prolongation.matrix.getBlockSizes() == (fine.dim, fine.dim)
-
-
-def test_matrix_serves_galerkin_products(pair):
-    """PCMG needs P'AP with the fine matrix."""
-    _, fine, prolongation = pair
-    sizes = fine.create_vector().getSizes()
-    identity = PETSc.Mat().createAIJ((sizes, sizes), bsize=fine.dim, nnz=1, comm=COMM)
-    start, end = identity.getOwnershipRange()
-    for row in range(start, end):
-        identity.setValue(row, row, 1.0)
-    identity.assemble()
-    assert identity.ptap(prolongation.matrix).getSizes() == prolongation.matrix.getSizes()[1:] * 2
-
-
-def test_report(pair):
-    _, fine, prolongation = pair
-    report = prolongation.report()
-    dense = prolongation.weights().toarray()
-    assert report["inside"] + report["ray"] + report["neighbour"] + report["orphans"] == len(fine.mesh.points)
-    assert report["largest_weight"] == np.abs(dense).max() > 1.0
-    assert report["frobenius_norm"] == pytest.approx(np.linalg.norm(dense), rel=1e-12)
-    assert report["sqrt_points"] == np.sqrt(len(dense))
-    assert report["two_norm"] == pytest.approx(np.linalg.norm(dense, 2), rel=1e-3)
-
-
-def test_frobenius_norm_is_bounded_without_extrapolation():
-    coarse, fine = LevelSpace(box(2, 3), COMM), LevelSpace(box(2, 7, 0.05, 0.95), COMM)
-    report = Prolongation(coarse, fine, bind(fine, coarse)).report()
-    assert report["inside"] == len(fine.mesh.points)
-    assert report["frobenius_norm"] <= report["sqrt_points"] and report["largest_weight"] <= 1.0 + 1e-12
 
 
 def test_hierarchy_is_a_sequence_with_lazy_prolongations():
