@@ -1,4 +1,4 @@
-"""Muscles: energies and equilibria worked out by hand, cells carried through levels."""
+"""Muscles: an equilibrium worked out by hand, cells carried through levels."""
 
 import numpy as np
 import pytest
@@ -6,15 +6,11 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.materials import cell_muscles, level_muscles
+from pdvol.levels.materials import level_muscles
 from pdvol.levels.scene_fields import check_fields
-from pdvol.levels.space import LevelSpace
-from pdvol.potentials.elasticity import ActiveFibres
-from pdvol.potentials.potential import Positions
 from pdvol.scene import Muscle, NeoHookean, Solver, Support
 from problems import SOFT, block, make_scene, make_stepper, take_step
-from shapes import box, together
-from taylor import state
+from shapes import box
 
 DIMENSIONS = [2, 3]
 STRENGTH = 3e4
@@ -25,41 +21,9 @@ def muscle(**settings):
     return Muscle("body 0", **given)
 
 
-def waves(t, X):
-    """An activation that changes with time and place."""
-    return 1.0 + np.sin(3.0 * X[:, 0] + t)
-
-
 def turning(X):
     """A fibre field of no constant length."""
     return 2.0 * np.column_stack([np.cos(X[:, 0]), np.sin(X[:, 0]), *([0.3 + 0.0 * X[:, 0]] * (X.shape[1] - 2))])
-
-
-@pytest.fixture(params=DIMENSIONS)
-def active(request):
-    """A term with fibres and tensions that differ from cell to cell, on the first of two cubes."""
-    d = request.param
-    mesh = together(box(d, 2, jitter=0.1), box(d, 1, 2.0, 3.0))
-    scene = make_scene((SOFT, SOFT), muscles=(muscle(fibre=turning, activation=waves),))
-    (found,) = cell_muscles(scene, mesh)
-    term = ActiveFibres(LevelSpace(mesh, MPI.COMM_SELF), found)
-    x = state(term.space)
-    term.begin_step(Positions(term.space, x), 0.3, 0.4)
-    return term, x, found
-
-
-def test_by_hand(active):
-    """Half of tension times |F f|^2, cell by cell, with the activation of the step's end."""
-    term, x, found = active
-    mesh = term.space.mesh
-    expected = 0.0
-    whole = term.space.to_input(x)
-    for cell, place, fibre in zip(found.cells, found.places, found.fibres, strict=True):
-        F = whole[mesh.cells[cell]].T @ mesh.hat_gradients[cell]
-        tension = STRENGTH * waves(0.4, place[None, :])[0]
-        assert np.linalg.norm(fibre) == pytest.approx(1.0)
-        expected += mesh.volumes[cell] * tension / 2 * np.sum((F @ fibre) ** 2)
-    assert term.value(Positions(term.space, x)) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
