@@ -121,7 +121,7 @@ def test_a_free_block_is_thrown_up_by_a_sheet_and_never_crosses_it(d):
         contact=(Barrier(dhat=5e-3), Friction(0.3)),
         solver=Solver(tolerance=1e-5, linear="direct"),
     )
-    mesh = block((-0.1,) * (d - 1) + (0.01,), (0.12,) * (d - 1) + (0.11,), (4,) * (d - 1) + (2,))
+    mesh = block((-0.1,) * (d - 1) + (0.01,), (0.12,) * (d - 1) + (0.11,), (4, 2) if d == 2 else (2, 2, 1))
     shapes = read_geometry(scene.obstacles)
     problem = make_stepper(scene, mesh, shapes)
     (obstacle,) = problem.model.obstacles
