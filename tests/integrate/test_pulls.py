@@ -39,21 +39,15 @@ def march(scene, mesh, integrator="implicit_euler"):
 MESH = block((0.0, 0.0), (SIDE, SIDE), 4)
 
 
-def test_momentum_is_the_impulse_of_its_force():
-    stepper, reports = march(pulled(gravity=0.0), MESH)
-    impulse = np.zeros(2)
-    for report in reports:
-        impulse += DT * report.forces["pull"].sum(axis=0)
-        np.testing.assert_allclose(masses(stepper) @ report.velocity, impulse, atol=1e-7 * MASS)
-    assert np.linalg.norm(impulse) > 0.1 * MASS * 0.1
-
-
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_throw_keeps_the_momentum_that_it_has_when_it_is_let_go(integrator):
     scene = pulled(times=(0.0, 0.1, 0.15), points=((0.1, 0.2), (0.4, 0.5), (0.6, 0.7)), gravity=0.0)
     stepper, reports = march(scene, MESH, integrator)
     momenta = [masses(stepper) @ report.velocity for report in reports]
     assert np.linalg.norm(momenta[14]) > 1.0 * MASS
+    if integrator == "implicit_euler":  # momentum is the impulse of the pull's force
+        impulses = np.cumsum([DT * report.forces["pull"].sum(axis=0) for report in reports], axis=0)
+        np.testing.assert_allclose(momenta, impulses, atol=1e-7 * MASS)
     np.testing.assert_allclose(momenta[15:], np.tile(momenta[14], (25, 1)), atol=1e-6 * MASS)
     assert [bool(np.any(report.forces["pull"])) for report in reports] == [True] * 15 + [False] * 25
 
