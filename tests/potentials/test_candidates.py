@@ -168,20 +168,6 @@ def test_one_search_serves_small_and_common_moves(d):
         assert within.searches > before
 
 
-def test_bodies_far_from_each_other_are_not_searched_until_they_come_near():
-    cubes = (box(3, 2, low=[2.0 * k, 0.0, 0.0], high=[2.0 * k + 1.0, 1.0, 1.0]) for k in range(2))
-    space, candidates = surface_of(*cubes)
-    x = Positions(space, space.from_input(space.mesh.points))
-    other = np.where(space.mesh.point_bodies[space.owned_points][:, None] == 1, [-1.0, 0.0, 0.0], 0.0)
-    candidates.contacts(candidates.surface.vertices(x), KAPPA)
-    _, between = candidates.lists
-    for distance in (0.3, 0.6, 0.9):
-        candidates.contacts(candidates.surface.vertices(x.moved(distance, other)), KAPPA)
-    assert between.searches == 1
-    candidates.contacts(candidates.surface.vertices(x.moved(1.0 - 0.5 * DHAT, other)), KAPPA)
-    assert between.searches == 2 and len(between.points)
-
-
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("obstacle", [None, "moving"])
 def test_sums_do_not_depend_on_lists(d, obstacle):

@@ -191,15 +191,6 @@ def test_edges_that_turn_until_they_are_parallel(swap):
     contact_reference.check_slide(space, candidates, before, after)
 
 
-def test_crossing_edges_push_for_their_area_at_rest():
-    """Where they cross at right angles, the energy is that of edges that are not crushed."""
-    energies = []
-    for size in (1.0, 0.6, 0.3, 0.1):
-        space, candidates, points, _ = crossing_tetrahedra(0.5 * np.pi, size)
-        energies.append(ContactBarrier(candidates, KAPPA).value(Positions(space, space.from_input(points))))
-    np.testing.assert_allclose(energies, energies[0], rtol=1e-10)
-
-
 def bent(d, n, angle):
     """A plate of 2 n cells whose right half is bent downwards by an angle, below a small box whose lower face is a
     third of a dhat above the plate.

@@ -158,25 +158,6 @@ def test_a_solve_goes_on_with_a_better_coarse_space_where_there_is_one(space, mo
     assert resumed.ksp.getIterationNumber() < found[2] and resumed.memory["coarse"] == 1
 
 
-def test_the_coarse_operator_is_summed_again_once_iterations_pay_for_it(space, monkeypatch):
-    """Iterations above those of its first solve add up."""
-    updates, update = [], CoarseSpace.update
-    monkeypatch.setattr(CoarseSpace, "update", lambda self, rows: updates.append(rows) or update(self, rows))
-    system, _ = systems(space)
-    made = solver(space, system, linear="multilevel")
-    right = space.create_vector()
-    right.set(1.0)
-    for iterations, expected in ((10, 1), (10 + COARSE_SETUP, 1), (11, 2), (30, 2), (30, 2)):
-        made.solve_once(right, right.duplicate())
-        made.note_iterations(iterations)
-        made.set_matrix(system)
-        made.solve_once(right, right.duplicate())
-        assert len(updates) == expected
-    made.begin_step()
-    made.solve_once(right, right.duplicate())
-    assert len(updates) == 3
-
-
 def test_conjugate_gradients_that_reach_their_limit_are_a_failure(space, monkeypatch):
     """The direct method takes over within the same solve."""
     monkeypatch.setattr(linear, "MAX_ITERATIONS", 2)
