@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pdvol.errors import InputError
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Solver, Support, Translation
 from pdvol.solve.iteration import BALANCED, STALL
 from problems import block, ground, make_scene, make_stepper, march, masses
@@ -106,23 +105,6 @@ def test_a_pair_of_bodies_has_its_own_friction(d):
         two_blocks(d, "rigid", Friction(0.2, eps_v=EPS_V, pairs={("body 1", "body 0"): 0.8}), stacked=True), 16
     )
     assert abs(speeds[-1, 1]) < 0.01
-
-
-@pytest.mark.parametrize(
-    ("pairs", "told"),
-    [
-        ({("body 0", "flor"): 0.1}, "flor"),
-        ({("floor", "floor"): 0.1}, "never touch"),
-        ({("body 0", "floor"): -1.0}, "below"),
-        ({"floor": 0.1}, "look like"),
-        ({("body 0", "floor"): 0.1, ("floor", "body 0"): 0.2}, "twice"),
-        ({("body 0", "floor"): "much"}, "finite"),
-        ({("a", "b", "c"): 0.1}, "look like"),
-    ],
-)
-def test_bad_pairs(pairs, told):
-    with pytest.raises(InputError, match=told):
-        make_scene((BLOCK,), obstacles=(ground(2, "plane")[0],), contact=(Barrier(), Friction(0.3, pairs=pairs)))
 
 
 # ---- lagging

@@ -5,11 +5,10 @@ anything.
 import numpy as np
 import pytest
 
-from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of, find_crossings
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import LEAST_GAIN
-from pdvol.scene import Barrier, Path, Plane, Rigid, Rotation, Sequential, Solver, Support, Translation, moved
+from pdvol.scene import Barrier, Path, Plane, Rigid, Rotation, Sequential, Solver, Support, Translation
 from problems import block, make_scene, make_stepper, march, polyline, weight
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
@@ -54,37 +53,6 @@ def test_sequential_turns_first_and_carries_what_has_turned():
     np.testing.assert_allclose(Sequential((turn, walk))(X, 1.0), [[0.0, 1.0, 7.0], [-1.0, 0.0, 4.0]], atol=1e-14)
     off = Sequential((walk, Rotation(np.pi, (0.0, 0.0, 5.0), (1.0, 0.0, 0.0))))
     np.testing.assert_allclose(off(X, 1.0), [[1.0, 0.0, 3.0], [0.0, -1.0, 6.0]], atol=1e-14)
-
-
-def test_nonsense_is_refused():
-    for make in (
-        lambda: Path((0.0,), ((0.0, 0.0),)),
-        lambda: Path((0.0, 0.0), ((0.0, 0.0), (1.0, 0.0))),
-        lambda: Path((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0, 0.0))),
-        lambda: Path((0.0, np.nan), ((0.0, 0.0), (1.0, 0.0))),
-        lambda: Sequential((3,)),
-        lambda: Translation((np.nan, 0.0)),
-        lambda: Translation((1.0, 0.0), stop=-1.0),
-        lambda: Rotation(1.0, (0.0, 0.0, 0.0), axis=(0.0, 0.0, 0.0)),
-        lambda: Rotation(np.inf, (0.0, 0.0)),
-        lambda: Support(left, release=-1.0),
-        lambda: Support(left, release=np.nan),
-        lambda: Support("left"),
-        lambda: Support(left, motion=3),
-    ):
-        with pytest.raises(InputError):
-            make()
-
-
-def test_an_error_names_what_is_wrong_with_a_users_motion():
-    for motion, said in (
-        (lambda X, t: X * np.nan, "NaN"),
-        (lambda X, t: X[:1], "shape"),
-        (lambda X, t: 1 / 0, "ZeroDivision"),
-        (lambda X, t: None, ""),
-    ):
-        with pytest.raises(InputError, match=f"obstacle 'rock': its motion .*{said}"):
-            moved(motion, X, 0.5, "obstacle 'rock'")
 
 
 # ---- release

@@ -3,17 +3,14 @@ same material on all levels, and keys to the last bit.
 """
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import pdvol
-from pdvol.errors import InputError
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.attachments import LEAST_WEIGHTS, MOST_WEIGHTS, REACH, Pulls
-from pdvol.levels.scene_fields import check_fields
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import Hand, Led, Still
 from problems import block, make_scene, make_stepper, masses
@@ -116,24 +113,3 @@ def test_points_and_offsets_are_exact_at_keys(tmp_path):
         np.testing.assert_array_equal(led(np.zeros((1, 3)), (n + 1) * DT)[0], points[n])
     np.testing.assert_allclose(led.offset(7.25 * DT, 3), 0.75 * points[6] + 0.25 * points[7])
     np.testing.assert_array_equal(led.offset(99.0, 3), points[-1])
-
-
-def test_mistakes_are_named():
-    keys = {"times": (0.0, 1.0), "points": ((0.0, 0.0), (1.0, 0.0))}
-    for wrong, message in [
-        ({"times": (0.0, 0.0)}, "must ascend"),
-        ({"times": (0.0, 0.5, 1.0)}, "3 times and 2 points"),
-        ({"points": ((0.0, 0.0), (1.0, np.nan))}, "not a finite number"),
-        ({"points": ((0.0, 0.0), (1.0, 0.0, 0.0))}, "two or all three"),
-        ({"stiffness": 0.0}, "must be positive"),
-        ({"radius": -1.0}, "must be positive"),
-    ]:
-        with pytest.raises(InputError, match=re.escape(message)):
-            pdvol.Pull("body 0", (0.0, 0.0), **(keys | wrong))
-    with pytest.raises(InputError, match="names the body 'c'"):
-        make_scene((STIFF,), pulls=(pdvol.Pull("c", (0.0, 0.0), **keys),))
-    for place, message in [((9.0, 0.0), "far outside"), ((0.0, 0.0, 0.0), "3 components")]:
-        points = [(0.0,) * len(place)] * 2
-        with pytest.raises(InputError, match=message):
-            scene = make_scene((STIFF,), pulls=(pdvol.Pull("body 0", place, (0.0, 1.0), points),))
-            check_fields(scene, MESH, 0)

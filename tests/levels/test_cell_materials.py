@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import cell_materials, level_materials
@@ -88,23 +87,3 @@ def test_labels_functions_and_overlaps():
     for number, values in enumerate(of.values):
         np.testing.assert_allclose(values["mu"], np.where(of.law == number, mu, 0.0), rtol=1e-15)
     assert of.softest == 5.0
-
-
-def test_mistakes():
-    mesh = box(2, 2)
-    for region, message in (
-        (Region(STIFF, lambda X: X[:, 0] > 9), "holds no cell"),
-        (Region(STIFF, 4), r"labels there are \[0\]"),
-        (Region(STIFF, lambda X: X), "shape"),
-        (Region(STIFF, lambda X: 1 / 0), "ZeroDivision"),
-    ):
-        with pytest.raises(InputError, match=message):
-            cell_materials(scene(body(regions=(region,))), mesh)
-    for make in (
-        lambda: Region(2e5, right),
-        lambda: Region(STIFF, ()),
-        lambda: Region(STIFF, "left"),
-        lambda: body(regions=(STIFF,)),
-    ):
-        with pytest.raises(InputError):
-            make()

@@ -1,16 +1,12 @@
 """Springs between bodies: totals that no mesh changes, and the same material on every level."""
 
-import re
-
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import bound_springs
 from pdvol.levels.locate import nearest_material
-from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.potential import Positions
@@ -124,28 +120,3 @@ def test_the_cell_around_a_point_is_found_among_many_smaller_ones():
     found, weights = nearest_material(mesh, point, np.zeros(1, dtype=np.int64))
     assert found[0] < 300
     np.testing.assert_allclose(weights @ mesh.points[cells[found[0]]], point, atol=1e-12)
-
-
-def test_mistakes_are_named():
-    mesh = cubes(2, 2)
-    wrong = [
-        ({"where": lambda X: X[:, 0] > 9.0}, "Attachment.where holds no boundary facet of body 'body 0'"),
-        ({"to": lambda X: X[:, 0] > 9.0}, "Attachment.to holds no boundary facet of body 'body 1'"),
-        ({"where": (0.0, 9.0)}, "Attachment.where = (0.0, 9.0) lies far outside body 0"),
-        ({"to": (0.0, 0.5)}, "Attachment.to = (0.0, 0.5) lies far outside body 1"),
-        ({"where": (0.0, 0.0, 0.0)}, "3 components in a 2D scene"),
-        ({"where": lambda X: X[:3, 0] > 0}, "must give an array of shape"),
-        ({"where": lambda X: X[:, 0]}, "must give True or False"),
-    ]
-    for settings, message in wrong:
-        with pytest.raises(InputError, match=re.escape(message)):
-            check_fields(scene(**settings), mesh, 0)
-    for settings in ({"stiffness": 0.0}, {"rest_length": -1.0}, {"breaking": 0.0}, {"where": (1.0,)}):
-        with pytest.raises(InputError, match="Attachment"):
-            Attachment("a", "b", **({"where": right} | settings))
-    with pytest.raises(InputError, match="to itself"):
-        Attachment("a", "a", right)
-    with pytest.raises(InputError, match="names the body 'c'"):
-        make_scene((SOFT,), attachments=(Attachment("c", "body 0", right),))
-    with pytest.raises(InputError, match="attachments hold"):
-        make_scene((SOFT,), attachments=("body 0",))

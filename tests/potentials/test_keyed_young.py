@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import cell_materials, level_materials
 from pdvol.levels.space import LevelSpace
@@ -85,15 +84,3 @@ def test_keys():
     assert [KEYS(t) for t in (0.0, 1.0, 2.0, 9.0)] == [2.0, 2.0, 4.0, 6.0]
     assert Keyed(np.array([1.0, 3.0]), [2.0, 6.0]) == KEYS and hash(KEYS) == hash(Keyed([1, 3], [2, 6]))
     assert Pressure("a", KEYS).at(2.0) == 4.0
-    for times, values, message in (
-        ((0.0,), (1.0,), "give as many, two at least"),
-        ((0.0, 1.0), (1.0,), "give as many"),
-        ((1.0, 0.0), (1.0, 2.0), "must ascend"),
-        ((0.0, 1.0), (1.0, np.nan), "is not a finite number"),
-    ):
-        with pytest.raises(InputError, match=message):
-            Keyed(times, values)
-    with pytest.raises(InputError, match=r"NeoHookean\.density cannot be Keyed"):
-        NeoHookean(1e5, density=KEYS)
-    with pytest.raises(InputError, match="its lowest key, = 0.0 must be positive"):
-        NeoHookean(Keyed((0.0, 1.0), (1.0, 0.0)))

@@ -8,9 +8,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from pdvol import meshes
-from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets
-from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import kernels
 from pdvol.potentials.loads import EnclosedPressure, point_shares
@@ -138,7 +136,7 @@ def test_an_impulse_in_a_halved_step_is_whole():
     assert total == pytest.approx(masses(problem).sum(), rel=1e-12)
 
 
-# ---- one body, and mistakes
+# ---- one body
 
 
 def test_loads_on_one_body():
@@ -151,43 +149,6 @@ def test_loads_on_one_body():
     ):
         (v,), _ = speeds(shot(load, materials=(STIFF, STIFF)), mesh, 1)
         assert np.all(v[mesh.point_bodies == 0] == 0.0) and np.any(v[mesh.point_bodies == 1, 0] > 1e-5)
-
-
-@pytest.mark.parametrize(
-    ("load", "message"),
-    [
-        (Gravity((0.0, 0.0, -9.81)), "3 components in a 2D scene"),
-        (Gravity(lambda t: (0.0, 0.0, 1.0)), "gravity must give an array of shape"),
-        (Force(lambda t: (np.nan, t)), "NaN"),
-        (Force((1.0, 0.0), lambda X: X[:, 0] > 9.0), "Force holds no vertex of level 0"),
-        (Force((1.0, 0.0), lambda X: X[:, 5]), "`where` failed"),
-        (Force((1.0, 0.0), body="nobody"), "nobody"),
-        (PointForce((1.0, 0.0), (5.0, 5.0)), "far outside"),
-        (Impulse((1.0, 0.0, 0.0)), "3 components"),
-        (Flow(lambda x, t: x[:, 0]), "Flow.velocity must give an array of shape"),
-        (Flow((1.0, 2.0, 3.0)), "3 components"),
-        (Pressure("body 0", lambda t: np.nan), "Pressure.pressure gives NaN"),
-        (Pressure("body 0", lambda t: (1.0, 2.0)), "Pressure.pressure must give an array of shape"),
-        (Pressure("body 0", lambda t: 1 / 0), "Pressure.pressure failed"),
-        (Pressure("b", 1.0), "Pressure names the body 'b'"),
-        ("gravity", "not str"),
-    ],
-)
-def test_mistakes_in_loads_are_reported_before_the_run(load, message):
-    with pytest.raises(InputError, match=message):
-        check_fields(shot(load), box(2, 2), 0)
-
-
-def test_loads_that_cannot_be_are_refused():
-    for make in (
-        lambda: Flow((1.0, 0.0), density=0.0),
-        lambda: Flow((1.0, 0.0), drag=-1.0),
-        lambda: Impulse((1.0, 0.0), -1.0),
-        lambda: Force(3.0),
-        lambda: Pressure("a", np.inf),
-    ):
-        with pytest.raises(InputError):
-            make()
 
 
 # ---- pressure in closed bodies

@@ -11,14 +11,13 @@ from mpi4py import MPI
 
 from pdvol import native
 from pdvol.errors import InputError
-from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.cell_energy import CellEnergy, Density
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.elasticity import Damping
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix
-from problems import elastic, make_scene
+from problems import elastic
 from shapes import box, level
 from taylor import check_term, hessian_of, smallest_eigenvalue
 
@@ -265,41 +264,3 @@ def test_a_density_without_forces_or_stiffness_is_refused(psi):
     mu = np.ones(len(space.mesh.cells))
     with pytest.raises(InputError, match=r"^an energy density, or a derivative of it by F, is zero; let psi [^\n]*$"):
         CellEnergy(space, Density(psi), {"mu": mu}, Domains(space, mu > 0.0))
-
-
-def test_mistakes_in_a_law_are_reported():
-    class Takes(Material):
-        @staticmethod
-        def psi(F, mu):
-            return mu * ufl.tr(F)
-
-    class Gives(Material):
-        @staticmethod
-        def psi(F, mu, lmbda):
-            return mu * F
-
-    for law, message in ((Takes, "psi"), (Gives, "one number"), (Material, "must define psi")):
-        with pytest.raises(InputError, match=message):
-            check_laws(make_scene((law(1.0),)), 2)
-    check_laws(make_scene(tuple(law(1.0) for law in (*LAWS, many_parameters(3)))), 3)
-
-
-def test_fields_out_of_range_are_refused():
-    mesh = box(2, 2)
-    for changes, message in (
-        ({"young": -1.0}, "young"),
-        ({"poisson": 0.5}, "poisson"),
-        ({"damping": -1.0}, "damping"),
-        ({"density": 0.0}, "density"),
-        ({"young": "soft"}, "young"),
-    ):
-        with pytest.raises(InputError, match=message):
-            NeoHookean(**({"young": 1.0} | changes))
-    for young, message in (
-        (lambda X: X[:, 0] - 0.5, "positive"),
-        (lambda X: X, "shape"),
-        (lambda X: np.nan * X[:, 0], "finite"),
-        (lambda X: 1 / 0, "ZeroDivision"),
-    ):
-        with pytest.raises(InputError, match=message):
-            cell_materials(make_scene((NeoHookean(young),)), mesh)

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_muscles
-from pdvol.levels.scene_fields import check_fields
 from pdvol.scene import Muscle, NeoHookean, Solver, Support
 from problems import SOFT, block, make_scene, make_stepper, take_step
 from shapes import box
@@ -61,23 +59,3 @@ def test_finer_levels_take_cells_places_and_fibres_of_the_coarsest(d):
     centres = coarse.points[coarse.cells].mean(axis=1)
     np.testing.assert_array_equal(found.places, centres[origins[found.cells]])
     np.testing.assert_allclose(found.fibres, Muscle("b", turning, 1.0).fibres(found.places), rtol=1e-15)
-
-
-def test_mistakes_are_named():
-    mesh = box(2, 2)
-    wrong = [
-        ({"where": lambda X: X[:, 0] > 9.0}, "Muscle.where holds no cell of body 'body 0'"),
-        ({"fibre": (1.0, 0.0, 0.0)}, "Muscle.fibre has 3 components in a 2D scene"),
-        ({"fibre": lambda X: 0.0 * X}, "Muscle.fibre gives NaN"),
-        ({"activation": lambda t, X: -1.0 + 0.0 * X[:, 0]}, "Muscle.activation is negative"),
-        ({"activation": lambda t, X: 1.0 / 0}, "Muscle.activation failed: ZeroDivisionError"),
-        ({"activation": lambda t, X: 1.0}, "Muscle.activation must give an array of shape"),
-    ]
-    for settings, message in wrong:
-        with pytest.raises(InputError, match=message.replace("(", r"\(")):
-            check_fields(make_scene((SOFT,), muscles=(muscle(**settings),)), mesh, 0)
-    for settings in ({"strength": 0.0}, {"activation": -0.1}, {"fibre": (0.0, 0.0)}, {"where": 3}):
-        with pytest.raises(InputError, match="Muscle"):
-            muscle(**settings)
-    with pytest.raises(InputError, match="a Muscle names the body 'b'"):
-        make_scene((SOFT,), muscles=(Muscle("b", (1.0, 0.0), 1.0),))
