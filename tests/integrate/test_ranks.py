@@ -17,7 +17,7 @@ from problems import SOFT, block, make_scene, make_stepper, spike, weight
 from shapes import box, together
 
 SAME = 1e-6  # of the scene's size, over the first steps with the direct solver
-STEPS, SIZE = 12, 0.5
+STEPS, SIZE = 8, 0.5
 PAIRS = {("body 0", "body 1"): 0.6, ("spike", "body 0"): 0.1, ("body 1", "plane"): 0.2}
 
 

@@ -1,4 +1,4 @@
-"""Springs between bodies: totals that no mesh changes, and the same material on every level."""
+"""Springs between bodies, and muscles: totals that no mesh changes, and the same material on every level."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,14 @@ from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import bound_springs
+from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.locate import nearest_material
+from pdvol.levels.materials import level_muscles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Attachment
-from problems import SOFT, make_scene
+from pdvol.scene import Attachment, Muscle, NeoHookean, Solver, Support
+from problems import SOFT, block, make_scene, make_stepper, take_step
 from shapes import box, together
 from taylor import hessian_of
 
@@ -120,3 +122,48 @@ def test_the_cell_around_a_point_is_found_among_many_smaller_ones():
     found, weights = nearest_material(mesh, point, np.zeros(1, dtype=np.int64))
     assert found[0] < 300
     np.testing.assert_allclose(weights @ mesh.points[cells[found[0]]], point, atol=1e-12)
+
+
+# ---- muscles: an equilibrium worked out by hand, and cells carried through levels
+
+
+def turning(X):
+    """A fibre field of no constant length."""
+    return 2.0 * np.column_stack([np.cos(X[:, 0]), np.sin(X[:, 0]), *([0.3 + 0.0 * X[:, 0]] * (X.shape[1] - 2))])
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_the_length_of_a_bar_that_contracts(d):
+    """Without Poisson's effect P = mu (F - 1/F) + T F = 0 along the fibre: F = sqrt(mu / (mu + T))."""
+    material = NeoHookean(1e5, 0.0, 1000.0)
+    fibre = np.eye(d)[0]
+    seconds = 100.0
+    scene = make_scene(
+        (material,),
+        dt=seconds,
+        supports=(Support(lambda X: (X < 1e-9).all(axis=1)),),
+        muscles=(Muscle("body 0", tuple(3.0 * fibre), 3e4, 0.5),),
+        solver=Solver(tolerance=1e-6 / seconds, linear="direct"),
+    )
+    mesh = block((0.0,) * d, (1.0,) + (0.2,) * (d - 1), (4,) + (1,) * (d - 1))
+    stepper = make_stepper(scene, mesh)
+    x = mesh.points
+    for number in (1, 2):
+        x = take_step(stepper, number, x, 0.0 * x).positions
+    sizes = np.linalg.norm(x[:, None] - x[None], axis=2).max(), np.linalg.norm(mesh.points.max(axis=0))
+    F = np.sqrt(material.mu / (material.mu + 0.5 * 3e4))
+    assert sizes[0] == pytest.approx(np.hypot(F, 0.2 * np.sqrt(d - 1)), rel=1e-5)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_finer_levels_take_cells_places_and_fibres_of_the_coarsest(d):
+    coarse, fine = box(d, 2, jitter=0.1, seed=1), box(d, 4, jitter=0.1, seed=2)
+    hierarchy = Hierarchy([coarse, fine], MPI.COMM_SELF)
+    scene = make_scene((SOFT,), muscles=(Muscle("body 0", turning, 3e4, where=lambda X: X[:, 0] > 0.5),))
+    (above,), (found,) = (level_muscles(scene, hierarchy, level) for level in range(2))
+    origins = hierarchy.origins(1)
+    assert np.array_equal(found.cells, np.flatnonzero(np.isin(origins, above.cells)))
+    assert 0 < len(found.cells) < len(fine.cells)
+    centres = coarse.points[coarse.cells].mean(axis=1)
+    np.testing.assert_array_equal(found.places, centres[origins[found.cells]])
+    np.testing.assert_allclose(found.fibres, Muscle("b", turning, 1.0).fibres(found.places), rtol=1e-15)
