@@ -4,7 +4,6 @@ slow.
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import pdvol
@@ -107,14 +106,6 @@ def test_the_decay_of_a_spin(integrator, power, turn):
     for kept in (exact, law):
         assert (kept[1] ** -power - kept[0] ** -power) / steps == pytest.approx(2.0 * turn**power, rel=0.08)
     assert law[0] < 1.0 and exact == pytest.approx(law, abs=2.0 * turn**2)
-
-
-def test_one_step_of_a_rigid_body_by_implicit_euler():
-    """tan phi_1 = turn, then tan phi' = sin phi / (2 - cos phi)."""
-    turn, phi = 0.7, np.arctan(0.7)
-    for steps in range(1, 6):
-        assert figures.rigid_loss("implicit_euler", turn, steps) == pytest.approx(1.0 - np.sin(phi) / turn)
-        phi = np.arctan(np.sin(phi) / (2.0 - np.cos(phi)))
 
 
 @pytest.mark.parametrize(
