@@ -1,6 +1,4 @@
-"""The classic stress tests (benchmarks/stress/scenes.py): they start free of intersections, and the smallest of them
-take their first steps.
-"""
+"""The classic stress tests (benchmarks/stress/scenes.py): the smallest of them take their first steps."""
 
 import json
 from dataclasses import replace
@@ -14,36 +12,11 @@ from benchmarks.common.scenes import first_order
 from benchmarks.stress import __main__ as stress
 from benchmarks.stress import scenes
 from pdvol.measure.verify import verify_run
-from pdvol.meshing.build import build_levels
 from pdvol.runs.runner import Execution, run_scene
 from pdvol.runs.scene_file import Shot, load_shot
-from problems import check_start
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "benchmarks" / "stress" / "scenes.py"
-GRIDS = ("mat_on_knives", "rods_twist", "mat_twist", "card_house", "masonry_arch", "tight_fit", "mat_on_knives_levels")
-MESHED = sorted(set(scenes.SCENES) - set(GRIDS) - {f"erleben_{name}" for name in scenes.PAIRS})
-
-
-def started(name):
-    """A scene's levels, once they have been found to start well."""
-    scene = scenes.scene(name)
-    levels = build_levels(scene)
-    check_start(levels, scene)
-    return levels
-
-
-@pytest.mark.parametrize("name", GRIDS)
-def test_it_starts_free_of_intersections(name):
-    started(name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MESHED)
-def test_what_is_meshed_starts_free_of_intersections(name):
-    started(name)
-
-
 QUICK_PAIRS = ("spike_spike", "wedge_crack", "cube_cliff")
 
 

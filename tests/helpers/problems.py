@@ -14,7 +14,7 @@ from pdvol.levels.model import LevelModel, level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
-from pdvol.scene import Body, NeoHookean, Scene, Solver
+from pdvol.scene import Body, Gravity, NeoHookean, Plane, Rigid, Scene, Solver, Still
 from pdvol.solve.report import StepReport
 from shapes import grid
 
@@ -40,6 +40,36 @@ def make_scene(materials=(SOFT,), dt=0.01, steps=10, solver=None, **physics) -> 
 def elastic(space, *materials, elements="linear"):
     """The elastic terms of a level whose bodies are of these materials, one per body."""
     return elastic_terms(space, cell_materials(make_scene(materials, elements=elements), space.mesh))
+
+
+def weight(d, g=9.81) -> Gravity:
+    """Gravity down the last axis."""
+    return Gravity(tuple(-g * np.eye(d)[-1]))
+
+
+def ground(d, kind="plane", height=0.0, motion=Still()):  # noqa: B008
+    """An obstacle named floor, whose upper side is at a height [m]: a plane, or something rigid and wide. And its
+    geometry, as `make_model` takes it.
+    """
+    if kind == "plane":
+        return Plane((0.0,) * (d - 1) + (height,), tuple(np.eye(d)[-1]), motion, name="floor"), ()
+    corners = [[-5, -1], [5, -1], [5, 0], [-5, 0]] if d == 2 else [[0, 0, -5], [-5, -5, 0], [10, -5, 0], [0, 10, 0]]
+    shape = (polyline if d == 2 else tetrahedron)(np.array(corners) + height * np.eye(d)[-1])
+    return Rigid("floor", motion=motion, name="floor"), (shape,)
+
+
+def fail_solve(monkeypatch, stepper, number) -> list[float]:
+    """Newton's solve of this number, counted from one, does not converge. The list gets the weight of each solve."""
+    solve, weights = stepper.newton.solve, []
+
+    def fails_once(x, *choices, **more):
+        x, report = solve(x, *choices, **more)
+        weights.append(stepper.potential.weight)
+        report.converged = report.converged and len(weights) != number
+        return x, report
+
+    monkeypatch.setattr(stepper.newton, "solve", fails_once)
+    return weights
 
 
 def make_model(scene, mesh, obstacles=()) -> LevelModel:
@@ -81,6 +111,12 @@ def polyline(vertices):
         np.column_stack([np.arange(n), np.roll(np.arange(n), -1)]),
         np.zeros((0, 3), dtype=int),
     )
+
+
+def spike(tip):
+    """The geometry of an obstacle, 0.2 m high, with its tip at a point (d,)."""
+    foot = [[-0.1, -0.2], [0.1, -0.2]] if len(tip) == 2 else [[-0.1, -0.1, -0.2], [0.3, -0.1, -0.2], [-0.1, 0.3, -0.2]]
+    return (polyline if len(tip) == 2 else tetrahedron)([*(np.array(foot) + tip), tip])
 
 
 def tetrahedron(vertices):

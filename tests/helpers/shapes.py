@@ -64,6 +64,12 @@ def solid(d, n, low=0.0, high=1.0) -> Solid:
     return Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
 
 
+def cut_block(size, cuts, place=0.0) -> Solid:
+    """A block of these sizes and numbers of boxes along its axes, about a place, as a shape that scenes take."""
+    mesh = grid(*(np.linspace(-0.5 * s, 0.5 * s, n + 1) for s, n in zip(size, cuts, strict=True)))
+    return Solid(mesh.points + place, mesh.cells.astype(np.int32), mesh.regions)
+
+
 def _ticks(ends, n):
     return np.concatenate(
         [np.linspace(a, b, n + 1)[:-1] for a, b in zip(ends[:-1], ends[1:], strict=True)] + [ends[-1:]]

@@ -82,13 +82,6 @@ def hessian_of(term, space, x: np.ndarray, projection: str = "clamp") -> csr_arr
     return whole_matrix(blocks)
 
 
-def exact_hessian(term, x: np.ndarray) -> np.ndarray:
-    """A term's exact Hessian at x; filtered ones have no negative eigenvalues."""
-    exact, *filtered = (hessian_of(term, term.space, x, name).toarray() for name in ("none", "clamp", "abs"))
-    assert min(map(smallest_eigenvalue, filtered)) >= -1e-10 * np.abs(exact).max()
-    return exact
-
-
 def whole_matrix(blocks: HessianBlocks) -> csr_array:
     """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level on one rank."""
     d, n = blocks.pattern.space.dim, len(blocks.pattern.space.mesh.points)

@@ -1,53 +1,32 @@
-"""Bodies on springs: periods and breaking worked out by hand, interrupted marches, ranks, and levels that agree."""
+"""Bodies on springs: periods and breaking worked out by hand. Pulls: momentum and bounds of their forces, the time in
+which they bring a body, what they do before and after, the same material on all levels, and keys to the last bit.
+"""
+
+import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from on_ranks import results_on
 from pdvol.integrate.marches import Start, direct
+from pdvol.levels.attachments import LEAST_WEIGHTS, MOST_WEIGHTS, REACH, Pulls
 from pdvol.registry import INTEGRATORS
-from pdvol.scene import Attachment, Barrier, Gravity, NeoHookean, Plane, Solver, Support
-from problems import SOFT, block, make_scene, make_stepper
+from pdvol.scene import Attachment, Hand, Led, NeoHookean, Pull, Solver, Still
+from problems import block, make_scene, make_stepper, masses, weight
 from shapes import together
 
-STIFF = NeoHookean(1e9, 0.3, 1000.0)
-GAP, LENGTH, K, DT = 0.1, 0.05, 2000.0, 0.01
-MASS = 1000.0 * 0.2 * 0.1  # kg of each block, per metre of depth
-OMEGA2 = K / (MASS / 2)  # 1/s^2: two masses on a spring have the reduced mass m/2
+GAP, K, DT, STEPS = 0.1, 2000.0, 0.01, 40
+OMEGA2 = K / (1000.0 * 0.2 * 0.1 / 2)  # 1/s^2: two masses on a spring have the reduced mass, half of 20 kg per metre
 
 
-def blocks(steps, speed=0.0, **settings):
-    """Two blocks without gravity, `GAP` apart, on springs of rest length `LENGTH`; the right one has a speed."""
-    mesh = together(block((0.0, 0.0), (0.2, 0.1), 2), block((0.2 + GAP, 0.0), (0.4 + GAP, 0.1), 2))
-    spring = Attachment(
-        "body 0", "body 1", lambda X: X[:, 0] > 0.199, stiffness=K, **({"rest_length": LENGTH} | settings)
-    )
-    scene = make_scene(
-        (STIFF, STIFF), dt=DT, steps=steps, attachments=(spring,), solver=Solver(tolerance=1e-7, linear="direct")
-    )
-    velocity = speed * np.outer(mesh.point_bodies == 1, (1.0, 0.0))
-    return scene, mesh, velocity
-
-
-def march(scene, mesh, velocity, integrator=None):
-    stepper = make_stepper(scene, mesh, integrator=integrator)
-    return list(direct(stepper, Start.at_rest(mesh.points, velocity), scene.steps))
-
-
-def stretch(report, mesh):
-    """How much longer than at rest the springs are: the mean distance of both blocks, less that."""
-    apart = [report.positions[mesh.point_bodies == i, 0].mean() for i in range(2)]
-    return apart[1] - apart[0] - 0.2 - LENGTH
-
-
-def by_hand(integrator, steps, first, speed=0.0, most=np.inf):
+def by_hand(integrator, first, speed, most):
     """e'' = -omega^2 e by the integrator's formula; the first step is implicit Euler's. The spring breaks at the end of
     a step with e > `most`.
 
     Returns e after each step, and how many steps the spring bore.
     """
-    e, v, omega2, bore = [first], [speed], OMEGA2, steps
-    for number in range(1, steps + 1):
+    e, v, omega2, bore = [first], [speed], OMEGA2, STEPS
+    for number in range(1, STEPS + 1):
         second = integrator == "bdf2" and number > 1
         h = 2.0 * DT / 3.0 if second else DT
         reached = (4.0 * e[-1] - e[-2] + h * (4.0 * v[-1] - v[-2])) / 3.0 if second else e[-1] + DT * v[-1]
@@ -58,71 +37,125 @@ def by_hand(integrator, steps, first, speed=0.0, most=np.inf):
     return np.array(e[1:]), bore
 
 
+@pytest.mark.parametrize(("first", "speed", "force"), [(0.02, 0.0, np.inf), (0.0, 1.0, 100.0)])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_two_blocks_swing_as_the_integrator_s_formula_says(integrator):
-    """The springs are pulled less than their rest length, so that they never get to no length, where their direction
-    would turn.
+def test_two_blocks_swing_as_the_integrator_s_formula_says_until_springs_break(integrator, first, speed, force):
+    """Springs that are pulled by less than their length never get to no length, where their direction would turn. With
+    1 m/s the first step past the force K e is known, and nothing acts from then on.
     """
-    steps, first = 60, 0.02  # and m
-    scene, mesh, velocity = blocks(steps, rest_length=GAP - first)
-    found = np.array([stretch(report, mesh) for report in march(scene, mesh, velocity, INTEGRATORS[integrator]())])
-    found -= GAP - LENGTH - first
-    np.testing.assert_allclose(found, by_hand(integrator, steps, first)[0], atol=2e-5)
+    mesh = together(block((0.0, 0.0), (0.2, 0.1), 2), block((0.2 + GAP, 0.0), (0.4 + GAP, 0.1), 2))
+    more = {"stiffness": K, "rest_length": GAP - first, "breaking": None if force == np.inf else force}
+    springs, stiff = Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.199, **more), NeoHookean(1e9, 0.3, 1000.0)
+    scene = make_scene((stiff, stiff), dt=DT, attachments=(springs,), solver=Solver(1e-7, linear="direct"))
+    stepper = make_stepper(scene, mesh, integrator=INTEGRATORS[integrator]())
+    start = Start.at_rest(mesh.points, speed * np.outer(mesh.point_bodies == 1, (1.0, 0.0)))
+    reports = list(direct(stepper, start, STEPS))
+    apart = [np.subtract(*(r.positions[mesh.point_bodies == i, 0].mean() for i in (1, 0))) for r in reports]
+    expected, bore = by_hand(integrator, first, speed, force / K)
+    np.testing.assert_allclose(np.array(apart) - 0.2 - (GAP - first), expected, atol=2e-5)
+    assert 2 < bore < 20 or force == np.inf
+    for number, report in enumerate(reports, 1):  # a spring for each of the two facets
+        assert report.terms == ({} if number < bore or force == np.inf else {"attachment": {"broken": [0, 1]}})
+        assert (report.energy["attachment"] > 0.0) == (number <= bore)
+
+
+# ---- pulls
+
+STIFF = NeoHookean(1e6, 0.3, 1000.0)
+SIDE = 0.2
+MASS, WEIGHT = 1000.0 * SIDE**2, 1000.0 * SIDE**2 * 9.81  # kg and N per metre of depth
+
+
+def pulled(points=((0.1, 0.2), (0.2, 0.3), (0.2, 0.3)), times=(0.0, 0.05, 1.0), gravity=9.81, steps=40, **settings):
+    """A block whose upper side is pulled."""
+    pull = Pull("body 0", (0.1, 0.2), times, points, **settings)
+    loads = (weight(2, gravity),) if gravity else ()
+    solver = Solver(tolerance=1e-8, linear="direct")
+    return make_scene((STIFF,), dt=DT, steps=steps, loads=loads, pulls=(pull,), solver=solver)
+
+
+def march(scene, mesh, integrator="implicit_euler"):
+    stepper = make_stepper(scene, mesh, integrator=INTEGRATORS[integrator](), forces=True)
+    return stepper, list(direct(stepper, Start.at_rest(mesh.points, np.zeros_like(mesh.points)), scene.steps))
+
+
+MESH = block((0.0, 0.0), (SIDE, SIDE), 4)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_a_spring_breaks_at_its_force_and_stays_broken(integrator):
-    """It pulls with K e: with 1 m/s the first step past the force is known, and nothing acts from then on."""
-    steps, force = 30, 100.0
-    scene, mesh, velocity = blocks(steps, 1.0, rest_length=None, breaking=force)
-    expected, bore = by_hand(integrator, steps, 0.0, 1.0, force / K)
-    assert 2 < bore < 20
-    reports = march(scene, mesh, velocity, INTEGRATORS[integrator]())
-    found = np.array([stretch(report, mesh) for report in reports]) - (GAP - LENGTH)
-    np.testing.assert_allclose(found, expected, atol=2e-5)
-    for number, report in enumerate(reports, 1):  # a spring for each of the two facets
-        assert report.terms == ({} if number < bore else {"attachment": {"broken": [0, 1]}})
-    assert all(report.energy["attachment"] > 0.0 for report in reports[:bore])
-    assert reports[-1].energy["attachment"] == 0.0
+def test_a_throw_keeps_the_momentum_that_it_has_when_it_is_let_go(integrator):
+    scene = pulled(times=(0.0, 0.1, 0.15), points=((0.1, 0.2), (0.4, 0.5), (0.6, 0.7)), gravity=0.0)
+    stepper, reports = march(scene, MESH, integrator)
+    momenta = [masses(stepper) @ report.velocity for report in reports]
+    assert np.linalg.norm(momenta[14]) > 1.0 * MASS
+    if integrator == "implicit_euler":  # momentum is the impulse of the pull's force
+        impulses = np.cumsum([DT * report.forces["pull"].sum(axis=0) for report in reports], axis=0)
+        np.testing.assert_allclose(momenta, impulses, atol=1e-7 * MASS)
+    np.testing.assert_allclose(momenta[15:], np.tile(momenta[14], (25, 1)), atol=1e-6 * MASS)
+    assert [bool(np.any(report.forces["pull"])) for report in reports] == [True] * 15 + [False] * 25
 
 
-def torn():
-    """A block hangs from a held one by a strip of springs, turns on them and tears them one after the other."""
-    gap = 0.004
-    mesh = together(
-        block((0.0, 0.0), (0.4, 0.1), (6, 2), jitter=0.05), block((0.0, -0.2 - gap), (0.4, -gap), (5, 3), jitter=0.0)
-    )
-    attachment = Attachment("body 0", "body 1", lambda X: X[:, 1] < 0.01, stiffness=5e5, breaking=1400.0)
-    scene = make_scene(
-        (SOFT, SOFT),
-        dt=0.01,
-        steps=25,
-        loads=(Gravity((0.0, -9.81)),),
-        supports=(Support(lambda X: X[:, 1] > 0.09, "body 0"),),
-        obstacles=(Plane((0.0, -0.5), (0.0, 1.0)),),
-        contact=(Barrier(dhat=2e-3),),
-        solver=Solver(tolerance=1e-5, linear="direct"),
-        attachments=(attachment,),
-    )
-    velocity = np.zeros_like(mesh.points)
-    hangs = mesh.point_bodies == 1
-    velocity[hangs, 1] = -1.5 * mesh.points[hangs, 0]
-    return scene, mesh, velocity
+@pytest.mark.parametrize("young", [3e3, 1e5, 1e8])
+def test_the_force_is_bounded_by_softness_and_weight(young):
+    far = ((0.1, 0.2), (50.0, 60.0))
+    scene = pulled(far, (0.0, 0.1), steps=10)
+    body = replace(scene.bodies[0], material=replace(STIFF, young=young))
+    _, reports = march(replace(scene, bodies=(body,)), MESH)
+    forces = [np.linalg.norm(report.forces["pull"].sum(axis=0)) / WEIGHT for report in reports]
+    most = {3e3: LEAST_WEIGHTS, 1e8: MOST_WEIGHTS}.get(young, max(forces))
+    assert 0.9 * most < max(forces) <= most * (1.0 + 1e-9) and LEAST_WEIGHTS <= max(forces) * 1.1 <= 1.1 * MOST_WEIGHTS
 
 
-def tear(comm):
-    scene, mesh, velocity = torn()
-    problem = make_stepper(scene, mesh, (), comm)
-    reports = list(direct(problem, Start.at_rest(mesh.points, velocity), scene.steps))
-    return {
-        "positions": [r.positions for r in reports],
-        "broken": [len(r.terms.get("attachment", {}).get("broken", ())) for r in reports],
-    }
+def test_the_patch_comes_in_time_and_stays():
+    """Without gravity and within a part of the spring's length, a rigid body comes by critical damping."""
+    point = np.array([0.1, 0.24])
+    _, reports = march(pulled((point, point), (0.0, 1.0), gravity=0.0, steps=100), MESH)
+    top = np.array([report.positions[np.isclose(MESH.points[:, 1], SIDE)].mean(axis=0) for report in reports])
+    left = np.linalg.norm(top - point, axis=1) / 0.04
+    assert left[round(0.5 * REACH / DT)] > 0.2 and left[round(REACH / DT)] < 0.2
+    assert left[40:].max() < 0.05
 
 
-@pytest.mark.mpi
-def test_two_ranks_break_the_same_springs():
-    one, two = results_on((1, 2), tear)
-    assert one["broken"].max() == 6
-    np.testing.assert_array_equal(two["broken"], one["broken"])
-    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-5)
+def test_one_that_does_not_act_adds_nothing():
+    """The same bits before it begins as without it, and after its end no entry of the matrix."""
+    scene = pulled(times=(0.1, 0.15, 0.2), steps=30)
+    stepper, reports = march(scene, MESH, "bdf2")
+    _, without = march(replace(scene, pulls=()), MESH, "bdf2")
+    for number in range(9):
+        np.testing.assert_array_equal(reports[number].positions, without[number].positions)
+    assert np.abs(reports[12].positions - without[12].positions).max() > 1e-5
+    begins = [step for step in range(1, 30) if stepper.model.begins_anew(step)]
+    assert begins == [10, 20]
+    (term,) = [term for term in stepper.potential.terms if term.name == "pull"]
+    assert len(term._points) == 0
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_levels_share_the_patch(d):
+    place = (0.0,) + (0.5,) * (d - 1)
+    pull = Pull("body 0", place, (0.0, 1.0), [place, place], radius=0.3)
+    scene = make_scene((STIFF,), pulls=(pull,))
+    coarse, fine = (block((0.0,) * d, (1.0,) * d, n) for n in (4, 7))
+    found = [Pulls(scene, coarse, mesh).bound(pull) for mesh in (coarse, fine)]
+    for bound, mesh in zip(found, (coarse, fine), strict=True):
+        points, shares, _ = bound
+        assert shares.sum() == pytest.approx(1.0) and shares.min() > 0.0
+        np.testing.assert_allclose(shares @ mesh.points[points], place, atol=0.05)
+    first, second = (b[1] @ mesh.points[b[0]] for b, mesh in zip(found, (coarse, fine), strict=True))
+    np.testing.assert_allclose(first, second, atol=1e-12)
+    assert found[0][2] == found[1][2]
+
+
+def test_points_and_offsets_are_exact_at_keys(tmp_path):
+    random = np.random.default_rng(0)
+    times, points = np.arange(60) * DT, random.uniform(-1.0, 1.0, (60, 3))
+    pull = Pull("a", (0.0, 0.0, 0.0), times, points)
+    file = tmp_path / "hand.jsonl"
+    lines = [{"step": n + 1, "pulls": [], "obstacles": {"o": p.tolist()}} for n, p in enumerate(points)]
+    file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    led = Led(Still(), "o", Hand(file), DT)
+    for n in range(60):
+        np.testing.assert_array_equal(pull.at(n * DT), points[n])
+        np.testing.assert_array_equal(led(np.zeros((1, 3)), (n + 1) * DT)[0], points[n])
+    np.testing.assert_allclose(led.offset(7.25 * DT, 3), 0.75 * points[6] + 0.25 * points[7])
+    np.testing.assert_array_equal(led.offset(99.0, 3), points[-1])

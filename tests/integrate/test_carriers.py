@@ -6,10 +6,8 @@ Where a body is pressed against something that does not go along, nothing is car
 import numpy as np
 import pytest
 
-from on_ranks import results_on
 from pdvol import meshes
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.geometry.rigid_motions import Pose
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.scripted_motion import carriers
 from pdvol.levels.obstacles import plane_obstacle
@@ -52,7 +50,7 @@ def march(scene, mesh, geometry, steps):
     return reports, np.array(speeds)
 
 
-@pytest.mark.parametrize(("d", "speed"), [(2, 15.0), (3, 15.0), (3, 50.0)])
+@pytest.mark.parametrize(("d", "speed"), [(2, 15.0), (3, 50.0)])
 def test_a_ball_drives_a_free_cube_before_it_and_keeps_its_time(d, speed):
     """The cube leaves faster than the ball, which at 50 m/s moves by more than the cube's size in a step, at thrice the
     speed of sound.
@@ -63,11 +61,10 @@ def test_a_ball_drives_a_free_cube_before_it_and_keeps_its_time(d, speed):
     assert speeds[-1, 0, 0] > speed
 
 
-@pytest.mark.parametrize("friction", [(), (Friction(0.5),)])
-def test_a_row_of_cubes_is_pushed_until_a_wall_holds_it(friction):
+def test_a_row_of_cubes_is_pushed_until_a_wall_holds_it():
     """The first cube carries the second. Once that is at the wall, both are pressed, and the ball waits."""
     scene, mesh, geometry = ball_and_cubes(
-        2, 15.0, bodies=2, obstacles=(Plane((0.8, 0.0), (-1.0, 0.0)),), contact=(Barrier(dhat=2e-3), *friction)
+        2, 15.0, bodies=2, obstacles=(Plane((0.8, 0.0), (-1.0, 0.0)),), contact=(Barrier(dhat=2e-3), Friction(0.5))
     )
     reports, speeds = march(scene, mesh, geometry, 12)
     reached = [report.reached for report in reports]
@@ -79,9 +76,9 @@ def test_a_row_of_cubes_is_pushed_until_a_wall_holds_it(friction):
     assert -places < 0.8 - 0.05, "nothing is squeezed to nothing"
 
 
-@pytest.mark.parametrize("speed", [10.0, 30.0])
-def test_a_paddle_carries_a_free_cube_round(speed):
-    """By up to 0.3 rad a step: the cube goes along a chord of the arc, as the paddle does."""
+def test_a_paddle_carries_a_free_cube_round():
+    """By 0.3 rad a step: the cube goes along a chord of the arc, as the paddle does."""
+    speed = 30.0
     geometry = tetrahedron([(0.0, -0.3, -0.02), (1.5, -0.3, 0.01), (0.0, -0.35, 0.0), (0.0, -0.3, 0.1)])
     paddle = Rigid("paddle", motion=Rotation(speed, (0.0, -0.3, 0.0), (0.0, 0.0, 1.0)))
     mesh = block((0.5, -0.15, -0.15), (0.8, 0.15, 0.15), 3)
@@ -96,21 +93,6 @@ def test_what_supports_hold_is_not_carried():
     scene, mesh, geometry = ball_and_cubes(2, 15.0, bodies=2, supports=(Support(lambda X: X[:, 0] < 0.29, "body 0"),))
     reports, speeds = march(scene, mesh, geometry, 3)
     assert reports[-1].behind > 0.0 and abs(speeds[-1, 1, 0]) < 0.1
-
-
-def carry(comm):
-    scene, mesh, geometry = ball_and_cubes(2, 5.0, bodies=2)
-    start = Start.at_rest(mesh.points, 0.0 * mesh.points)
-    reports = list(direct(make_stepper(scene, mesh, geometry, comm), start, 6))
-    positions, behind = [r.positions for r in reports], [r.behind for r in reports]
-    return {"positions": positions, "behind": behind}
-
-
-@pytest.mark.mpi
-def test_one_rank_and_two_carry_alike():
-    one, two = results_on((1, 2), carry)
-    assert one["behind"].max() == two["behind"].max() == 0.0
-    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-4)
 
 
 # ---- who carries whom
@@ -139,21 +121,3 @@ def carried(pairs, held=()):
 )
 def test_who_is_carried(pairs, held, of, blocked):
     assert carried(pairs, held) == (of, blocked)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("count", [1, 2, 6])
-def test_the_rigid_motion_of_points_is_found(d, count):
-    """Of two points (a plane's) in 3D, the one that turns least."""
-    random, turn = np.random.default_rng(3), 0.7
-    R = np.eye(d)
-    R[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
-    points = random.standard_normal((count, d))
-    points[:, 2:] = 0.0 if count == 2 else points[:, 2:]
-    shift, others = random.standard_normal(d), random.standard_normal((5, d))
-    moved = Pose.fitted(points, points @ R.T + shift)
-    np.testing.assert_allclose(moved(points), points @ R.T + shift, atol=1e-8)
-    if count > 1:
-        np.testing.assert_allclose(moved(others), others @ R.T + shift, atol=1e-7)
-    else:
-        np.testing.assert_allclose(moved(others) - others, np.tile(moved(points)[0] - points[0], (5, 1)), atol=1e-12)

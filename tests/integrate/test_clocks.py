@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from test_motions import crosses
 
-from on_ranks import results_on
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.integrator import past_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Plane, Rigid, Solver, Support, Translation
 from pdvol.scene import Path as Keys
-from problems import block, make_scene, make_stepper, march, polyline, tetrahedron
+from problems import SOFT, block, make_scene, make_stepper, march, polyline, tetrahedron
 from shapes import together
 
 SOLVER = Solver(tolerance=1e-4, linear="direct")
@@ -31,29 +30,27 @@ def pressed_and_driven(d, script):
     """A ram goes up and down by `script` onto a block that is held below; a support leads another block to the right,
     and a floor goes to the right below a third one, which rests on it.
     """
-    flat = (2,) * d
-    low, high = (-0.2,) * (d - 1) + (0.0,), (0.2,) * (d - 1) + (0.2,)
-    shift = lambda by: np.eye(d)[0] * by
-    pressed = block(low, high, (4,) * (d - 1) + (2,) if d == 2 else flat)
-    driven = block(tuple(np.array(low) + shift(1.0)), tuple(np.array(high) + shift(1.0)), flat)
-    carried = block(tuple(np.array(low) + shift(-1.0)), tuple(np.array(high) + shift(-1.0)), flat)
-    down = tuple(-np.eye(d)[-1])
-    speed = tuple(np.eye(d)[0])
+
+    def at(place, n=2):
+        low = np.r_[place - 0.2, (-0.2,) * (d - 2), 0.0]
+        return block(low, low + np.array([0.4] * (d - 1) + [0.2]), n)
+
+    down, speed = -np.eye(d)[-1], tuple(np.eye(d)[0])
     scene = make_scene(
-        tuple([make_scene().bodies[0].material] * 3),
+        (SOFT,) * 3,
         dt=DT,
         supports=(
             Support(lambda X: X[:, -1] < 1e-9, body="body 0"),
             Support(lambda X: X[:, -1] < 1e-9, body="body 1", motion=Translation(speed)),
         ),
         obstacles=(
-            Rigid("ram", motion=Keys(script[0], [tuple(-h * np.array(down)) for h in script[1]]), name="ram"),
+            Rigid("ram", motion=Keys(script[0], [tuple(-h * down) for h in script[1]]), name="ram"),
             Plane(tuple(np.eye(d)[-1] * -0.004), tuple(np.eye(d)[-1]), Translation(speed), name="floor"),
         ),
         contact=(Barrier(dhat=5e-3), Friction(0.5)),
         solver=SOLVER,
     )
-    return scene, together(pressed, driven, carried)
+    return scene, together(at(0.0, (4, 2) if d == 2 else 2), at(1.0), at(-1.0))
 
 
 DOWN = ((0.0, 1.0), (0.0, -5.0))
@@ -84,25 +81,19 @@ def test_what_contact_stops_waits_and_what_it_does_not_stop_goes_on(d):
     assert report.behind > 0.03 and report.reached < 0.1
 
 
-def test_a_late_motion_catches_up_and_others_do_not_wait_for_it():
-    """The ram is on time again when its script is back where it began."""
-    scene, mesh = pressed_and_driven(2, DOWN_AND_UP)
-    problem = make_stepper(scene, mesh, [ram(2)])
-    held = (mesh.points[:, -1] < 1e-9) & (mesh.point_bodies == 1)
-    behind = []
-    for report in march(problem, 9):
-        np.testing.assert_allclose(report.positions[held], mesh.points[held] + [report.time, 0.0], atol=1e-12)
-        behind.append(report.behind)
-    assert max(behind) > 0.01 and behind[-1] == 0.0 and report.late == {} and report.reached == 1.0
-
-
 @pytest.mark.parametrize("name", INTEGRATORS)
-def test_a_march_that_goes_on_from_the_log_repeats_to_the_last_bit(name):
-    """From the first step with a late motion on, or from the one after it, whose slips still see the late one."""
+def test_a_late_motion_catches_up_and_others_do_not_wait_for_it(name):
+    """The ram is on time again when its script is back where it began. A march that goes on from the log repeats to the
+    last bit: from the first step with a late motion, or from the one after it, whose slips still see the late one.
+    """
     scene, mesh = pressed_and_driven(2, DOWN_AND_UP)
     integrator, still = INTEGRATORS[name](), 0.0 * mesh.points
     begin = lambda: make_stepper(scene, mesh, [ram(2)], integrator=integrator)
     whole = list(direct(begin(), Start.at_rest(mesh.points, still), 9))
+    held, behind = (mesh.points[:, -1] < 1e-9) & (mesh.point_bodies == 1), [report.behind for report in whole]
+    for report in whole:
+        np.testing.assert_allclose(report.positions[held], mesh.points[held] + [report.time, 0.0], atol=1e-12)
+    assert max(behind) > 0.01 and behind[-1] == 0.0 and report.late == {} and report.reached == 1.0
     late = next(report.step for report in whole if report.late)
     records = [{}, *(json.loads(json.dumps(report.record())) for report in whole)]
     positions = lambda step: whole[step - 1].positions if step else mesh.points
@@ -126,23 +117,3 @@ def test_two_plates_that_squeeze_a_body_stop_both():
     assert min(lags) > 0.01 and abs(lags[0] - lags[1]) < 0.02
     places = [plate.at(report.time - lag)[0, 0] for plate, lag in zip(problem.model.obstacles, lags, strict=True)]
     assert places[0] < report.positions[:, 0].min() and report.positions[:, 0].max() < places[1]
-
-
-def press(comm):
-    scene, mesh = pressed_and_driven(2, DOWN)
-    problem = make_stepper(scene, mesh, [ram(2)], comm)
-    reports = list(direct(problem, Start.at_rest(mesh.points, 0.0 * mesh.points), 4))
-    return {
-        "positions": [r.positions for r in reports],
-        "behind": [r.behind for r in reports],
-        "late": [r.late.get("obstacle 0", 0.0) for r in reports],
-    }
-
-
-@pytest.mark.mpi
-def test_one_rank_and_two_stop_the_same_motions():
-    one, two = results_on((1, 2), press)
-    assert one["behind"].max() > 0.01 and (one["late"] == one["behind"]).all()
-    np.testing.assert_allclose(two["behind"], one["behind"], rtol=0.0, atol=1e-5)
-    np.testing.assert_allclose(two["late"], one["late"], rtol=0.0, atol=1e-5)
-    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-4)

@@ -3,25 +3,13 @@
 import numpy as np
 import pytest
 
-from pdvol.errors import InputError
-from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver, Support, Translation
+from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Solver, Support, Translation
 from pdvol.solve.iteration import BALANCED, STALL
-from problems import block, make_scene, make_stepper, march, masses, polyline, tetrahedron
+from problems import block, ground, make_scene, make_stepper, march, masses
 from shapes import together
 
 G, EPS_V, DHAT = 9.81, 1e-4, 2e-3
 BLOCK = NeoHookean(young=1e6, poisson=0.3, density=1000.0)
-
-
-def ground(d, kind):
-    """The scene's obstacle named floor, its top at height zero, and its geometry."""
-    if kind == "plane":
-        return Plane((0.0,) * d, tuple(np.eye(d)[-1]), name="floor"), ()
-    if d == 2:
-        return Rigid("floor", name="floor"), (polyline([[-1.0, -1.0], [3.0, -1.0], [3.0, 0.0], [-1.0, 0.0]]),)
-    return Rigid("floor", name="floor"), (
-        tetrahedron([[0.0, 0.0, -5.0], [-5.0, -5.0, 0.0], [10.0, -5.0, 0.0], [0.0, 10.0, 0.0]]),
-    )
 
 
 def tilted(d, tangent):
@@ -53,10 +41,7 @@ def run(problem, steps, velocity=None):
     return np.array([[np.average(r.velocity[:, 0], weights=m) for m in parts] for r in reports]), reports
 
 
-CASES = [(2, "plane", 1), (2, "plane", 4), (2, "rigid", 2), (2, "rigid", 4), (3, "plane", 1), (3, "rigid", 2)]
-
-
-@pytest.mark.parametrize(("d", "kind", "n"), CASES)
+@pytest.mark.parametrize(("d", "kind", "n"), [(2, "plane", 1), (2, "rigid", 4), (3, "plane", 1), (3, "rigid", 2)])
 def test_the_slip_angle_is_within_a_per_cent_of_mu(d, kind, n):
     """mu = 1.01 tan holds, but for the creep of smoothed friction, f1(y) = 2 y - y^2 = 1 / 1.01 at y = 1 - sqrt(1 - 1 /
     1.01) of eps_v; mu = 0.99 tan slides with a = g (sin - mu cos), which implicit Euler reproduces where a is constant,
@@ -122,35 +107,10 @@ def test_a_pair_of_bodies_has_its_own_friction(d):
     assert abs(speeds[-1, 1]) < 0.01
 
 
-@pytest.mark.parametrize("kind", ["plane", "rigid"])
-def test_pairs_that_repeat_the_common_coefficient_change_nothing(kind):
-    alone, pairs = Friction(0.3, eps_v=EPS_V), Friction(0.3, eps_v=EPS_V, pairs={("body 0", "floor"): 0.3})
-    ends = [slide(2, kind, 0.4, 2, 5, friction)[1][-1].positions for friction in (alone, pairs)]
-    np.testing.assert_array_equal(*ends)
-
-
-@pytest.mark.parametrize(
-    ("pairs", "told"),
-    [
-        ({("body 0", "flor"): 0.1}, "flor"),
-        ({("floor", "floor"): 0.1}, "never touch"),
-        ({("body 0", "floor"): -1.0}, "below"),
-        ({"floor": 0.1}, "look like"),
-        ({("body 0", "floor"): 0.1, ("floor", "body 0"): 0.2}, "twice"),
-        ({("body 0", "floor"): "much"}, "finite"),
-        ({("a", "b", "c"): 0.1}, "look like"),
-    ],
-)
-def test_bad_pairs(pairs, told):
-    with pytest.raises(InputError, match=told):
-        make_scene((BLOCK,), obstacles=(ground(2, "plane")[0],), contact=(Barrier(), Friction(0.3, pairs=pairs)))
-
-
 # ---- lagging
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("kind", ["plane", "rigid"])
+@pytest.mark.parametrize(("d", "kind"), [(2, "rigid"), (3, "plane")])
 def test_lagging_converges(d, kind):
     """A block pressed harder and harder while it is pushed along: forces lagged once a step are behind, iterations
     bring them up to date. In the first step, which no solve has led to, they are brought up to date in any case.
@@ -175,9 +135,3 @@ def test_lagging_converges(d, kind):
     assert 1 < counts[1, 1e-2][0] <= STALL and residuals[1, 1e-2][0] <= BALANCED
     assert max(residuals[40, 1e-2]) <= 1e-2 and max(residuals[40, 1e-6]) <= 1e-6
     assert 1 < max(counts[40, 1e-2]) < max(counts[40, 1e-6]) < 40
-
-
-def test_no_friction_no_residual():
-    scene = make_scene((BLOCK,), obstacles=(ground(2, "plane")[0],), contact=(Barrier(dhat=DHAT),))
-    _, (report,) = run(make_stepper(scene, block((0.0, 0.5 * DHAT), (0.2, 0.1), 1)), 1)
-    assert report.friction_residual is None and report.friction_iterations == 0

@@ -10,7 +10,7 @@ from pdvol.integrate.stepper import FromCoarser, Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
 from pdvol.registry import INTEGRATORS
-from problems import SOFT, block, make_scene
+from problems import SOFT, block, fail_solve, make_scene
 
 DT, STEPS, W = 0.1, 4, 0.3
 SHIFT = np.array([0.5, -0.2])  # m, per step and step: the coarse level is at t^2 SHIFT after t steps
@@ -106,16 +106,8 @@ def test_a_cut_step_goes_by_the_coarse_velocity(pair, name, monkeypatch):
     levels, fine, scene, path = pair
     integrator = INTEGRATORS[name]()
     below = lambda step: past_of(integrator, path.__getitem__, np.zeros_like(path[0]), step, DT)
-    stepper, solves = Stepper(level_model(scene, levels, 1, 1.0), levels[1], integrator=integrator), []
-    solve = stepper.newton.solve
-
-    def fails_once(x, *choices, **more):
-        x, report = solve(x, *choices, **more)
-        solves.append(1)
-        report.converged = report.converged and len(solves) != 3
-        return x, report
-
-    monkeypatch.setattr(stepper.newton, "solve", fails_once)
+    stepper = Stepper(level_model(scene, levels, 1, 1.0), levels[1], integrator=integrator)
+    fail_solve(monkeypatch, stepper, 3)
     start = Start.at_rest(fine.points, np.zeros_like(fine.points))
     reports = list(progressive(stepper, levels.prolongation(1), below, start, STEPS))
     assert [report.cuts for report in reports] == [0, 0, 1, 0]
@@ -136,16 +128,9 @@ def test_embedded(pair):
         asked.append(time)
         return 7 * len(asked)
 
-    march = lambda step: embedded(
-        levels.prolongation(1),
-        path.__getitem__,
-        1,
-        Start(step, (State(fine.points, fine.points),)),
-        STEPS,
-        DT,
-        ImplicitEuler(),
-        count,
-    )
+    given = levels.prolongation(1), path.__getitem__, 1
+    start = lambda step: Start(step, (State(fine.points, fine.points),))
+    march = lambda step: embedded(*given, start(step), STEPS, DT, ImplicitEuler(), count)
     reports = list(march(0))
     assert [(r.level, r.step, r.intersections, r.reason) for r in reports] == [
         (1, t, 7 * t, "EMBEDDED") for t in range(1, STEPS + 1)

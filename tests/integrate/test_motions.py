@@ -5,12 +5,11 @@ anything.
 import numpy as np
 import pytest
 
-from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of, find_crossings
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import LEAST_GAIN
-from pdvol.scene import Barrier, Gravity, Path, Plane, Rigid, Rotation, Sequential, Solver, Support, Translation, moved
-from problems import block, make_scene, make_stepper, march, polyline, tetrahedron
+from pdvol.scene import Barrier, Path, Plane, Rigid, Rotation, Sequential, Solver, Support, Translation
+from problems import block, make_scene, make_stepper, march, polyline, weight
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
 SOLVER = Solver(tolerance=1e-4)
@@ -56,43 +55,6 @@ def test_sequential_turns_first_and_carries_what_has_turned():
     np.testing.assert_allclose(off(X, 1.0), [[1.0, 0.0, 3.0], [0.0, -1.0, 6.0]], atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: Path((0.0,), ((0.0, 0.0),)),
-        lambda: Path((0.0, 0.0), ((0.0, 0.0), (1.0, 0.0))),
-        lambda: Path((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0, 0.0))),
-        lambda: Path((0.0, np.nan), ((0.0, 0.0), (1.0, 0.0))),
-        lambda: Sequential((3,)),
-        lambda: Translation((np.nan, 0.0)),
-        lambda: Translation((1.0, 0.0), stop=-1.0),
-        lambda: Rotation(1.0, (0.0, 0.0, 0.0), axis=(0.0, 0.0, 0.0)),
-        lambda: Rotation(np.inf, (0.0, 0.0)),
-        lambda: Support(left, release=-1.0),
-        lambda: Support(left, release=np.nan),
-        lambda: Support("left"),
-        lambda: Support(left, motion=3),
-    ],
-)
-def test_nonsense_is_refused(make):
-    with pytest.raises(InputError):
-        make()
-
-
-@pytest.mark.parametrize(
-    "motion, said",
-    [
-        (lambda X, t: X * np.nan, "NaN"),
-        (lambda X, t: X[:1], "shape"),
-        (lambda X, t: 1 / 0, "ZeroDivision"),
-        (lambda X, t: None, ""),
-    ],
-)
-def test_an_error_names_what_is_wrong_with_a_users_motion(motion, said):
-    with pytest.raises(InputError, match=f"obstacle 'rock': its motion .*{said}"):
-        moved(motion, X, 0.5, "obstacle 'rock'")
-
-
 # ---- release
 
 
@@ -106,7 +68,7 @@ def test_released_supports_fly_on(d):
     v = 2.0 * np.eye(d)[0]
     scene = make_scene(
         dt=0.02,
-        loads=(Gravity(tuple(-9.81 * np.eye(d)[-1])),),
+        loads=(weight(d),),
         supports=(Support(lambda X: X[:, 0] > -1.0, motion=Translation(tuple(v)), release=0.03),),
     )
     mesh = block((0.0,) * d, (0.2,) * d, 1)
@@ -120,9 +82,7 @@ def test_released_supports_fly_on(d):
 def test_releasing_part_frees_only_that_part():
     """Both ends held; one is let go of at a step's very beginning, to round-off, and moves in that step."""
     right = lambda X: X[:, 0] > 0.4 - 1e-9
-    scene = make_scene(
-        dt=0.1, loads=(Gravity((0.0, -9.81)),), supports=(Support(left), Support(right, release=0.1 + 0.2))
-    )
+    scene = make_scene(dt=0.1, loads=(weight(2),), supports=(Support(left), Support(right, release=0.1 + 0.2)))
     mesh = block((0.0, 0.0), (0.4, 0.1), (4, 1))
     problem = make_stepper(scene, mesh)
     moves = [np.abs((report.positions - mesh.points)[right(mesh.points)]).max() for report in march(problem, 4)]
@@ -135,8 +95,7 @@ def test_releasing_part_frees_only_that_part():
 # ---- through contact
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("speed", [1.0, 10.0])
+@pytest.mark.parametrize(("d", "speed"), [(2, 1.0), (3, 10.0)])
 def test_a_support_driven_through_a_wall_stops_in_front_of_it(d, speed):
     """A support presses a block against a wall and wants to go on through it; it ends just in front of it, and waits
     there.
@@ -163,60 +122,17 @@ def test_a_support_driven_through_a_wall_stops_in_front_of_it(d, speed):
     assert report.remedies["halvings"] == 0
     assert report.reached < 1e-3  # it waits: gaps do not shrink step by step for nothing
     assert report.min_gap > 1e-10
+    assert report.friction_residual is None and report.friction_iterations == 0
 
 
-def paddle(d, speed):
-    """A bar that turns about its left end into a block held at its bottom; and the obstacle's geometry."""
-    if d == 2:
-        geometry = polyline([(-0.05, 0.2), (0.45, 0.2), (0.45, 0.25), (-0.05, 0.25)])
-    else:
-        geometry = tetrahedron([(-0.05, 0.03, 0.2), (0.45, 0.05, 0.2), (0.45, -0.02, 0.3), (0.2, 0.1, 0.3)])
-    centre = -0.05 * np.eye(d)[0] + 0.22 * np.eye(d)[-1]
-    motion = Rotation(-speed if d == 2 else speed, tuple(centre), (0.0, 0.0, 1.0) if d == 2 else (0.0, 1.0, 0.0))
-    return Rigid("paddle", motion=motion), geometry
-
-
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("speed", [5.0, 50.0])
-def test_a_paddle_turns_into_a_body_without_crossing_it(d, speed):
-    """The paddle turns by 0.1 rad and by 1 rad a step. The chord of its arc cuts through the body, but the arc itself
-    does not. At the end of every step the obstacle is where its motion places it at the reported time, and nothing
-    crosses it there.
-    """
-    rigid, geometry = paddle(d, speed)
-    mesh = block((0.1,) + (0.0,) * (d - 1), (0.5,) + (0.1,) * (d - 1), (4, 1) if d == 2 else (3, 1, 1))
-    scene = make_scene(
-        dt=0.02,
-        supports=(Support(lambda X: X[:, -1] < 1e-9),),
-        obstacles=(rigid,),
-        contact=(Barrier(dhat=5e-3),),
-        solver=SOLVER,
-    )
-    problem = make_stepper(scene, mesh, [geometry])
-    behind, touched = 0.0, False
-    for report in march(problem, 6 if speed == 5.0 else 2):
-        at = report.time - report.behind
-        vertices = rigid.motion(geometry[0], at)
-        np.testing.assert_allclose(problem.potential.contacts[-1].surface.obstacle_positions, vertices, atol=1e-14)
-        assert not crosses(mesh, report.positions, (vertices, *geometry[1:]))
-        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
-        touched |= report.contacts > 0
-        assert report.reached == pytest.approx(1.0 - report.behind / (scene.dt + behind), abs=1e-12)
-        behind = report.behind
-    assert touched and behind > 0.0
-    # Where it should be by now it would stand in the body.
-    assert crosses(mesh, report.positions, (rigid.motion(geometry[0], (0.1 if speed == 5.0 else 0.012)), *geometry[1:]))
-
-
-@pytest.mark.parametrize("speed", [10.0, 25.0])
-def test_a_body_pressed_to_a_wall_turns_with_it(speed):
-    """By 0.2 rad and 0.5 rad a step, its support and the wall about one centre: nothing is in the way, and gaps are
+def test_a_body_pressed_to_a_wall_turns_with_it():
+    """By 0.5 rad a step, its support and the wall about one centre: nothing is in the way, and gaps are
     hundredths of dhat.
 
     Straight ways leave the wall by the arc's height over its chord, hundreds of gaps, unless they are found for places
     near enough.
     """
-    dt, press, inner = 0.02, np.array([0.03, 0.0]), 0.05 - 1e-4
+    speed, dt, press, inner = 25.0, 0.02, np.array([0.03, 0.0]), 0.05 - 1e-4
 
     def turn(X, t):
         c, s = np.cos(speed * max(t - dt, 0.0)), np.sin(speed * max(t - dt, 0.0))
@@ -236,8 +152,7 @@ def test_a_body_pressed_to_a_wall_turns_with_it(speed):
         assert 1e-6 < report.min_gap < 2e-5
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("speed", [5.0, 50.0])
+@pytest.mark.parametrize(("d", "speed"), [(2, 5.0), (3, 50.0)])
 def test_a_plane_carries_a_free_block_along(d, speed):
     """At 0.1 m and 1 m a step, up to three times the block's length and 200 dhat: nothing holds the block, so all of
     the motion is carried out.

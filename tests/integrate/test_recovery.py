@@ -10,9 +10,9 @@ from petsc4py import PETSc
 from pdvol.errors import ConvergenceError
 from pdvol.integrate.scripted_motion import MotionParts
 from pdvol.potentials.potential import Positions, Term
-from pdvol.scene import Barrier, Gravity, NeoHookean, Plane, Solver, Translation
+from pdvol.scene import Barrier, NeoHookean, Solver, Translation
 from pdvol.solve.report import REMEDIES, no_remedies, taken
-from problems import block, make_scene, make_stepper, march, take_step
+from problems import block, ground, make_scene, make_stepper, march, take_step, weight
 from shapes import together
 
 REASONS = PETSc.SNES.ConvergedReason
@@ -22,8 +22,8 @@ def falling(**settings):
     """A block thrown at a plane it stands before, and a velocity for it."""
     scene = make_scene(
         dt=0.02,
-        loads=(Gravity((0.0, -9.81)),),
-        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),),
+        loads=(weight(2),),
+        obstacles=ground(2)[:1],
         contact=(Barrier(dhat=0.01),),
         solver=Solver(tolerance=1e-5, **settings),
     )
@@ -34,18 +34,13 @@ def falling(**settings):
 # ---- remedies
 
 
-def test_an_easy_step_takes_none():
-    problem, x, v = falling()
-    assert take_step(problem, 1, x, v).remedies == no_remedies()
-    assert taken(no_remedies()) == "" and taken({**no_remedies(), "abs": 2, "halvings": 1}) == "abs 2, halvings 1"
-
-
 def test_the_order_within_a_solve():
-    """Failures of one kind follow each other. The remedies are a stronger projection, then a direct solver; after that
-    no remedy is left.
+    """An easy step takes no remedy. Failures of one kind follow each other. The remedies are a stronger projection,
+    then a direct solver; after that no remedy is left.
     """
     problem, x, v = falling(linear="auto")
-    take_step(problem, 1, x, v)
+    assert take_step(problem, 1, x, v).remedies == no_remedies()
+    assert taken(no_remedies()) == "" and taken({**no_remedies(), "abs": 2, "halvings": 1}) == "abs 2, halvings 1"
     newton = problem.newton
     solve = newton.start(Positions(problem.space, problem.space.from_input(x)))
     solve.projection = "none"
@@ -62,6 +57,10 @@ def test_the_order_within_a_solve():
     while newton.remedy(REASONS.DIVERGED_LINEAR_SOLVE):
         room.append(1)
     assert solve.report.remedies["workspace"] == len(room) == 2
+    # The bound counts the Newton iterations of all restarts of one solve together.
+    for iterations in (newton.settings.max_iterations, newton.settings.max_iterations + 1):
+        newton.start(Positions(problem.space, problem.space.from_input(x))).report.iterations = iterations
+        assert newton.remedy(REASONS.DIVERGED_LINE_SEARCH) is (iterations == newton.settings.max_iterations)
 
 
 def test_too_many_iterations_halve_the_step_and_end_with_an_error():
@@ -82,9 +81,8 @@ def test_ground_that_cannot_move_halves_the_step(monkeypatch):
     """What moves with respect to the ground waits for it. The ground itself does not wait: the step is halved until it
     gets there, and ends with an error where it never does.
     """
-    scene = make_scene(
-        dt=0.02, obstacles=(Plane((0.0, 0.0), (0.0, 1.0), Translation((0.0, 0.1))),), contact=(Barrier(dhat=0.01),)
-    )
+    floor, _ = ground(2, motion=Translation((0.0, 0.1)))
+    scene = make_scene(dt=0.02, obstacles=(floor,), contact=(Barrier(dhat=0.01),))
     mesh = block((0.0, 0.02), (0.4, 0.42), 2)
     problem, follow, still = make_stepper(scene, mesh), MotionParts.follow, np.zeros_like(mesh.points)
     monkeypatch.setattr(problem, "_predicted", lambda *_: None)
@@ -123,52 +121,36 @@ def test_the_last_resort_can_save_a_step(monkeypatch):
     assert report.positions[:, 1].min() > 0.0
 
 
-def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
-    problem, x, v = falling()
-    solve, calls = problem.newton.solve, []
-
-    def fails_once(x, *choices, **more):
-        x, report = solve(x, *choices, **more)
-        calls.append(1)
-        report.converged = report.converged and len(calls) > 1
-        return x, report
-
-    monkeypatch.setattr(problem.newton, "solve", fails_once)
-    report = take_step(problem, 1, x, v)
-    assert report.cuts == report.remedies["halvings"] == 1 and len(calls) == 3
-    assert report.positions[:, 1].min() > 0.0
-
-
-def test_restarts_after_remedies_are_bounded():
-    """The bound counts the Newton iterations of all restarts of one solve together."""
-    problem, x, v = falling(linear="auto", max_iterations=7)
-    take_step(problem, 1, x, v)
-    for iterations, goes_on in ((7, True), (8, False)):
-        solve = problem.newton.start(Positions(problem.space, problem.space.from_input(x)))
-        solve.report.iterations = iterations
-        assert problem.newton.remedy(REASONS.DIVERGED_LINE_SEARCH) is goes_on
-
-
 class Spring(Term):
-    """A stiff spring to the start, whose Hessian is too small by a factor: Newton's steps are that much too long."""
+    """Springs [N/m] to the start, whose Hessian is too small by a factor: Newton's steps are that much too long. Parts
+    named `what` go bad from the second step on.
+    """
 
-    name = "consistency"
+    name = "consistency"  # one that the log has a place for
 
-    def __init__(self, factor, stiffness=1e9):
-        self.factor, self.stiffness = factor, stiffness
+    def __init__(self, stiffness, factor=1.0, what="", bad=np.nan):
+        self.stiffness, self.factor, self.what, self.bad, self.steps = stiffness, factor, what, bad, 0
 
     def begin_step(self, x_t, t0, t1, x_hat=None):
+        self.steps += 1
         self._x_t = x_t
 
+    def _or_bad(self, what, value):
+        return self.bad * np.ones_like(value) if what == self.what and self.steps > 1 else value
+
     def value(self, x):
-        return 0.5 * self.stiffness * float(np.sum((x.owned - self._x_t.owned) ** 2))
+        return float(self._or_bad("energy", 0.5 * self.stiffness * np.sum((x.owned - self._x_t.owned) ** 2)))
 
     def gradient(self, x):
-        return self.stiffness * (x.owned - self._x_t.owned)
+        return self._or_bad("gradient", self.stiffness * (x.owned - self._x_t.owned))
 
     def add_hessian(self, x, weight, into):
-        n = len(x.owned)
-        into.add_diagonal(np.arange(n), np.tile(self.factor * self.stiffness * weight * np.eye(2), (n, 1, 1)))
+        n, block = len(x.owned), self.factor * self.stiffness * weight * np.eye(2)
+        into.add_diagonal(np.arange(n), self._or_bad("Hessian", np.tile(block, (n, 1, 1))))
+        into.add_pairs(np.array([0]), np.array([1]), self._or_bad("pairs", np.zeros((1, 2, 2))))  # as contact does
+
+    def max_step(self, x, direction, until=None, gap_share=0.1):
+        return float(self._or_bad("largest step", np.array(1.0)))
 
 
 def test_the_line_search_cuts_steps_that_are_far_too_long():
@@ -176,7 +158,7 @@ def test_the_line_search_cuts_steps_that_are_far_too_long():
     where halving needs 34.
     """
     problem, x, v = falling()
-    problem.potential.terms = (*problem.potential.terms, Spring(0.0, stiffness=1e15))
+    problem.potential.terms = (*problem.potential.terms, Spring(1e15, factor=0.0))
     start = Positions(problem.space, problem.space.from_input(x))
     problem.potential.begin_step(start, start.owned - 0.02 * problem.space.from_input(v), 4e-4, 0.0, 0.02)
     problem.newton.begin_step(0.02)
@@ -189,36 +171,6 @@ def test_the_line_search_cuts_steps_that_are_far_too_long():
 # ---- what is not a number
 
 
-class Poison(Term):
-    """A weak spring to the start whose parts go bad from step `first` on."""
-
-    name = "consistency"  # one that the log has a place for
-
-    def __init__(self, what, bad, first):
-        self.what, self.bad, self.first, self.steps = what, bad, first, 0
-
-    def begin_step(self, x_t, t0, t1, x_hat=None):
-        self.steps += 1
-        self._x_t = x_t
-
-    def _or_bad(self, what, value):
-        return self.bad * np.ones_like(value) if what == self.what and self.steps >= self.first else value
-
-    def value(self, x):
-        return float(self._or_bad("energy", 0.5 * np.sum((x.owned - self._x_t.owned) ** 2)))
-
-    def gradient(self, x):
-        return self._or_bad("gradient", x.owned - self._x_t.owned)
-
-    def add_hessian(self, x, weight, into):
-        n = len(x.owned)
-        into.add_diagonal(np.arange(n), self._or_bad("Hessian", np.tile(weight * np.eye(2), (n, 1, 1))))
-        into.add_pairs(np.array([0]), np.array([1]), self._or_bad("pairs", np.zeros((1, 2, 2))))  # as contact does
-
-    def max_step(self, x, direction, until=None, gap_share=0.1):
-        return float(self._or_bad("largest step", np.array(1.0)))
-
-
 @pytest.mark.parametrize(
     "what, bad, said",
     [
@@ -228,7 +180,7 @@ class Poison(Term):
 )
 def test_what_is_not_a_number_is_named(what, bad, said):
     problem, x, v = falling()
-    problem.potential.terms = (*problem.potential.terms, Poison(what, bad, 2))
+    problem.potential.terms = (*problem.potential.terms, Spring(1.0, what=what, bad=bad))
     said += " in body 'body 0'" if what in ("gradient", "Hessian") else ""
     report, what = take_step(problem, 1, x, v), what.replace("pairs", "Hessian")
     with pytest.raises(ConvergenceError, match=f"level 0, step 2: the consistency term's {what} is {said}") as caught:
@@ -291,8 +243,8 @@ def test_a_solve_that_contact_cuts_to_nothing_takes_the_next_remedy(monkeypatch)
     """Ten iterations without a step are enough, and the error names the pair with the smallest gap and its place."""
     scene = make_scene(
         dt=0.01,
-        loads=(Gravity((0.0, -9.81)),),
-        obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="floor"),),
+        loads=(weight(2),),
+        obstacles=ground(2)[:1],
         contact=(Barrier(dhat=0.01),),
         solver=Solver(max_halvings=0),
     )

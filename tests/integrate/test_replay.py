@@ -12,8 +12,8 @@ from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.replay import Replay
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTEGRATORS
-from pdvol.scene import Barrier, Friction, Gravity, Path, Plane, Rigid, Solver, Support, Translation
-from problems import SOFT, block, make_model, make_scene, make_stepper, polyline, tetrahedron
+from pdvol.scene import Barrier, Friction, Path, Plane, Rigid, Solver, Support, Translation
+from problems import SOFT, block, make_model, make_scene, make_stepper, polyline, spike, weight
 from shapes import together
 
 FIRST_RESIDUAL = 0.1  # of the contact forces: between several bodies lagged friction converges slowly
@@ -67,18 +67,13 @@ def test_forces_are_those_of_the_step(d, integrator, monkeypatch):
     two = block((0.02,) * (d - 1) + (low + 0.106,), (0.18,) * (d - 1) + (low + 0.2,), 1)
     mesh = together(one, two)
     bottom = one.points[:, -1].min()
-    if d == 2:
-        spike = polyline([(0.05, bottom - 0.2), (0.15, bottom - 0.2), (0.11, bottom - 0.007)])
-    else:
-        spike = tetrahedron(
-            [(0.0, 0.0, bottom - 0.2), (0.4, 0.0, bottom - 0.2), (0.0, 0.4, bottom - 0.2), (0.1, 0.08, bottom - 0.007)]
-        )
+    tip = np.r_[[0.11, 0.08][: d - 1], bottom - 0.007]
     scene = make_scene(
         (SOFT, SOFT),
         dt=0.01,
         steps=12,
         integrator=integrator,
-        loads=(Gravity(tuple(-9.81 * up)),),
+        loads=(weight(d),),
         obstacles=(
             Plane((0.0,) * d, tuple(up), Translation(tuple(0.3 * e))),
             Rigid("spike", motion=Translation(tuple(0.1 * up - 0.2 * e))),
@@ -88,8 +83,8 @@ def test_forces_are_those_of_the_step(d, integrator, monkeypatch):
     )
     velocity = np.zeros_like(mesh.points)
     velocity[mesh.point_bodies == 1] = 0.5 * e - 0.5 * up
-    replay, rubbed = replay_of(scene, mesh, (spike,)), 0
-    for report, past, force in march(scene, mesh, (spike,), velocity, monkeypatch):
+    replay, rubbed = replay_of(scene, mesh, (spike(tip),)), 0
+    for report, past, force in march(scene, mesh, (spike(tip),), velocity, monkeypatch):
         assert report.behind == 0.0
         found = replayed(replay, report, past)
         np.testing.assert_allclose(found, force, rtol=0.0, atol=1e-9 * max(1.0, np.abs(force).max()))

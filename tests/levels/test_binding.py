@@ -106,20 +106,13 @@ def test_never_across_bodies(d, gap):
     assert (coarse.bodies[nearest.cells] != fine.point_bodies).any(), "the scene tempts nobody"
 
 
-def test_orphans_are_counted():
-    """A coarse needle between the fine vertices, short enough to cross no fine edge."""
+def test_coarse_bodies_that_contain_no_fine_vertex():
+    """One that crosses no fine edge has orphans. Of one that crosses some, the first rays decide for all points."""
     fine = together(box(2, 2), box(2, 2, 3.0, 4.0))
     needle = level(np.array([[0.30, 0.10], [0.36, 0.10], [0.33, 0.16]]), [[0, 1, 2]])
-    coarse = together(needle, box(2, 1, 3.0, 4.0))
-    binding = bind(fine, LevelSpace(coarse, COMM))
+    binding = bind(fine, LevelSpace(together(needle, box(2, 1, 3.0, 4.0)), COMM))
     assert binding.report()["orphans"] == 9 and (binding.kind[:9] == CLOSEST).all() and (binding.cells[:9] == 0).all()
     assert (binding.kind[9:] == INSIDE).all()
-
-
-def test_points_without_hits_wait_for_their_neighbours():
-    """A coarse triangle contains no fine vertex but crosses fine edges. The first rays decide the binding of all its
-    points.
-    """
     sliver = level(np.array([[0.1, 0.45], [0.9, 0.45], [0.5, 0.48]]), [[0, 1, 2]])
     report = bind(box(2, 6), LevelSpace(sliver, COMM)).report()
     assert report["inside"] == report["orphans"] == 0
@@ -130,19 +123,15 @@ def test_inside_neighbours_without_hits_give_the_nearest_layer(monkeypatch):
     """Without rays, points next to inside points follow the boundary that is reached through the coarse material."""
     fine, coarse, fine_branch, coarse_branch = comb_pair(2)
     binding = bind(fine, LevelSpace(coarse, COMM))
-    monkeypatch.setattr(
-        BoundarySearch,
-        "first_hits",
-        lambda self, starts, ends: (np.full(len(starts), -1), np.full(len(starts), np.inf)),
-    )
+    nothing = lambda self, starts, ends: (np.full(len(starts), -1), np.full(len(starts), np.inf))
+    monkeypatch.setattr(BoundarySearch, "first_hits", nothing)
     cells, kind = bind_outside(fine, coarse, np.where(binding.kind == INSIDE, binding.cells, -1))
     assert set(kind) == {INSIDE, NEIGHBOUR}
     home = coarse_branch[cells]
     assert not ((fine_branch >= 0) & (home >= 0) & (fine_branch != home)).any()
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("flat", [1.0, 1e-4])
+@pytest.mark.parametrize(("size", "flat"), [(1e-3, 1e-4), (1.0, 1.0), (1e3, 1e-4)])
 def test_cells_of_any_size_and_shape_contain_their_points(size, flat):
     """The middle of each cell is in that cell, and what is outside by a hundred-thousandth of the size is outside."""
     mesh = box(3, 4)
@@ -176,15 +165,9 @@ def bindings(comm, d):
         weights = prolongation.weights()
         found |= {f"{name}_{key}": getattr(weights, key) for key in ("indptr", "indices", "data")}
         found["prolonged_" + name] = prolongation.prolong(np.sin(3.0 * coarse.mesh.points))
-    return {
-        "cells": binding.cells,
-        "kind": binding.kind,
-        "weights": binding.weights,
-        **found,
-        "back_cells": back.cells,
-        "back_kind": back.kind,
-        "back_weights": back.weights,
-    }
+    for way, bound in (("", binding), ("back_", back)):
+        found |= {way + name: getattr(bound, name) for name in ("cells", "kind", "weights")}
+    return found
 
 
 @pytest.mark.mpi

@@ -14,6 +14,14 @@ def stack(dim: int, axis: int) -> LevelMesh:
     return together(first, placed(first, 1.01 * np.eye(dim)[axis]))
 
 
+def halved(mesh: LevelMesh, *places):
+    """The rank of each cell, of two ranks, which both have about half of both bodies."""
+    owner = shared_cells(mesh, 2, *places)
+    for body in (0, 1):
+        assert 0.4 < np.mean(owner[mesh.bodies == body]) < 0.6
+    return owner
+
+
 def placed(mesh: LevelMesh, shift) -> LevelMesh:
     return level(mesh.points + shift, mesh.cells)
 
@@ -21,9 +29,7 @@ def placed(mesh: LevelMesh, shift) -> LevelMesh:
 @pytest.mark.parametrize("dim, axis", [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
 def test_two_ranks_share_a_stack_sideways(dim, axis):
     mesh = stack(dim, axis)
-    owner = shared_cells(mesh, 2)
-    for body in (0, 1):
-        assert 0.4 < np.mean(owner[mesh.bodies == body]) < 0.6
+    owner = halved(mesh)
     # The cut runs through both bodies at one place: what touches lies on one rank.
     centres = mesh.points[mesh.cells].mean(axis=1)
     cut = max(
@@ -35,18 +41,14 @@ def test_two_ranks_share_a_stack_sideways(dim, axis):
         assert centres[mine & (owner == 0), cut].max() <= centres[mine & (owner == 1), cut].min()
 
 
-@pytest.mark.parametrize("ranks", [1, 3, 4, 5])
-def test_every_rank_gets_its_share(ranks):
-    owner = shared_cells(stack(3, 1), ranks)
-    counts = np.bincount(owner, minlength=ranks)
-    assert len(counts) == ranks
-    assert counts.min() > 0.6 * len(owner) / ranks
-
-
-def test_more_ranks_than_cells_leave_some_without():
-    owner = shared_cells(level(np.eye(3, 2), [[0, 1, 2]]), 4)
-    assert len(owner) == 1
-    assert 0 <= owner[0] < 4
+def test_every_rank_gets_its_share():
+    """Where there are more ranks than cells, some have none."""
+    for ranks in (1, 3, 4, 5):
+        owner = shared_cells(stack(3, 1), ranks)
+        counts = np.bincount(owner, minlength=ranks)
+        assert len(counts) == ranks and counts.min() > 0.6 * len(owner) / ranks
+    (owner,) = shared_cells(level(np.eye(3, 2), [[0, 1, 2]]), 4)
+    assert 0 <= owner < 4
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
@@ -74,9 +76,7 @@ def test_bodies_are_cut_where_they_will_touch():
     aside = shared_cells(mesh, 2)
     places = mesh.points.copy()
     places[mesh.point_bodies == 1] += [-1.01, 0.0, 1.01]
-    owner = shared_cells(mesh, 2, places)
-    for body in (0, 1):
-        assert 0.4 < np.mean(owner[mesh.bodies == body]) < 0.6
+    owner = halved(mesh, places)
     centres = places[mesh.cells].mean(axis=1)
     assert any(centres[owner == 0, axis].max() <= centres[owner == 1, axis].min() for axis in (0, 1))
     assert (owner != aside).any()

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import pdvol
-from pdvol import Body, Gravity, InputError, NeoHookean, Posed, Scene, Solid, Support
-from pdvol.levels.start import posed_positions, start_positions
-from pdvol.meshing.build import build_levels
+from pdvol import Body, Gravity, NeoHookean, Posed, Scene, Solid, Support
+from pdvol.levels.start import posed_positions
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene.fingerprint import describe
 from shapes import box, solid, together
@@ -69,38 +68,6 @@ def test_a_part_of_the_cells_is_one_body_of_several():
     np.testing.assert_allclose(posed_positions(posed, np.array([[1.04, 1.04]]), "it"), [[6.04, 6.04]])
     alone, points = mesh.body(0)
     np.testing.assert_array_equal(posed_positions(posed, alone.points, "it"), mesh.points[points] + 5.0)
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda m: Posed(m.points, m.cells, m.points[:-1]), r"have the shapes \(9, 2\) and \(8, 2\)"),
-        (lambda m: Posed(m.points, m.cells[:, :2], m.points), r"Posed.cells has the shape \(8, 2\); give \(m, 3\)"),
-        (lambda m: Posed(m.points, m.cells + 1, m.points), "names vertices from 1 to 9; there are 0 to 8"),
-        (lambda m: Posed(m.points, m.cells + 0.5, m.points), "must be whole numbers"),
-        (lambda m: Posed(m.points, m.cells, m.points / 0.0), "NaN or infinity"),
-        (lambda m: Posed("rest", m.cells, m.points), "Posed.rest is no array of numbers"),
-        (lambda m: Posed(m.points, m.cells, m.points, tolerance=0.0), "Posed.tolerance = 0.0 must be positive"),
-    ],
-)
-@pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
-def test_what_is_no_mesh_is_one_line(make, said):
-    with pytest.raises(InputError, match=said) as caught:
-        make(box(2, 2))
-    assert "\n" not in str(caught.value)
-
-
-def test_a_mesh_elsewhere_is_refused_with_level_and_body():
-    mesh = box(2, 2)
-    for posed, said in (
-        (Posed(mesh.points + 1.0, mesh.cells, mesh.points), "8 of 9 vertices are further than 0.0707 m from its mesh"),
-        (Posed(box(3, 1).points, box(3, 1).cells, box(3, 1).points), "is 3D in a 2D scene"),
-        (Posed(mesh.points * (1, 0), mesh.cells, mesh.points), "has a flat cell at rest"),
-        (Posed(mesh.points, mesh.cells, mesh.points * (-1, 1)), "turns 8 of 8 cells inside out"),
-    ):
-        shot = Scene((Body((solid(2, 2),), SOFT, name="cube", start=posed),), 0.01, 1)
-        with pytest.raises(InputError, match=f"^level 0: the start of body 'cube'.*{said}"):
-            start_positions(shot, build_levels(shot)[0], 0)
 
 
 def test_other_positions_are_another_scene():

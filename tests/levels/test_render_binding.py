@@ -38,35 +38,15 @@ def weights_of(surface, body, interpolant):
 @pytest.mark.parametrize("interpolant", sorted(INTERPOLANTS))
 @pytest.mark.parametrize("boxes", [2, 5])
 def test_affine_motions_are_reproduced_also_outside(interpolant, boxes):
+    """And vertices at one place stay together in any motion."""
     body, surface = box(3, boxes, jitter=0.1), ball(0.6)
-    w = weights_of(surface, body, interpolant)
+    w, first = weights_of(surface, body, interpolant), coincident(surface.vertices, 1e-9)
     outside = np.abs(surface.vertices - 0.5).max(axis=1) > 0.55
-    assert outside.sum() > 100 and (~outside).sum() > 100
+    assert outside.sum() > 100 and (~outside).sum() > 100 and (first != np.arange(len(first))).sum() > 60
     np.testing.assert_allclose(w @ (body.points @ MAP.T + SHIFT), surface.vertices @ MAP.T + SHIFT, atol=1e-9)
     np.testing.assert_allclose(w.sum(axis=1), 1.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("interpolant", sorted(INTERPOLANTS))
-def test_vertices_at_one_place_stay_together(interpolant):
-    surface, body = ball(0.6), box(3, 3, jitter=0.2)
-    first = coincident(surface.vertices, 1e-9)
-    assert (first != np.arange(len(first))).sum() > 60
-    moved = weights_of(surface, body, interpolant) @ np.random.default_rng(0).normal(size=body.points.shape)
+    moved = w @ np.random.default_rng(0).normal(size=body.points.shape)
     np.testing.assert_array_equal(moved, moved[first])
-
-
-def test_a_quadratic_field_is_followed_better_by_phong_and_biharmonic():
-    surface, body = ball(0.42), box(3, 4, jitter=0.15)
-
-    def field(x):
-        return x + 0.3 * np.column_stack([x[:, 1] ** 2, x[:, 0] * x[:, 2], -(x[:, 0] ** 2)])
-
-    errors = {
-        name: np.sqrt(np.mean((weights_of(surface, body, name) @ field(body.points) - field(surface.vertices)) ** 2))
-        for name in INTERPOLANTS
-    }
-    assert errors["phong"] < 0.6 * errors["barycentric"]
-    assert errors["biharmonic"] < 0.6 * errors["barycentric"]
 
 
 def test_a_large_area_outside_is_bound_to_what_is_below_it():
@@ -81,19 +61,13 @@ def test_a_large_area_outside_is_bound_to_what_is_below_it():
     w = weights_of(surface, slab, "phong")
     assert np.abs(w.data).max() < 3.0
     far = np.abs(slab.points[w.tocoo().col, 0] - plate[w.tocoo().row, 0])
-    assert far[np.abs(w.tocoo().data) > 1e-6].max() < 0.8, (
-        "weights reach further than the cells around the nearest facet"
-    )
+    assert far[np.abs(w.tocoo().data) > 1e-6].max() < 0.8, "further than the cells around the nearest facet"
 
 
 def test_a_surface_does_not_jump_to_another_branch():
     """Two prongs with a narrow slit between them, and a sheath of one that lies beyond the middle of the slit."""
-    prongs = grid(
-        np.array([0.0, 1.0, 1.04, 2.04]),
-        np.linspace(0, 1, 2),
-        np.linspace(0, 3, 7),
-        keep=lambda i, j, k: i != 1 or k == 0,
-    )
+    ticks = [0.0, 1.0, 1.04, 2.04], [0.0, 1.0], np.linspace(0, 3, 7)
+    prongs = grid(*ticks, keep=lambda i, j, k: i != 1 or k == 0)
     sheath = box(3, 8, (0.1, 0.1, 1.0), (1.035, 0.9, 2.9))
     used, faces = np.unique(sheath.boundary, return_inverse=True)
     surface = RenderSurface.of(sheath.points[used], faces.reshape(-1, 3))

@@ -7,7 +7,7 @@ import pytest
 
 from pdvol import Outline, open_run
 from pdvol.cli import run
-from pdvol.errors import InputError, IntersectionError
+from pdvol.errors import IntersectionError
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.meshing.build import build_levels
 from pdvol.runs.separation import build_apart as build_apart_from
@@ -145,15 +145,3 @@ def test_from_the_command_line(tmp_path, capsys):
     assert "body 'disc 2' moved by (" in capsys.readouterr().out
     edges = [level.rest[:, 0].max() for level in open_run(out).levels]
     assert edges[0] == pytest.approx(edges[1], abs=0.02) and edges[0] > 1.48
-
-
-def test_mistakes():
-    for make in (
-        lambda: Separate("push"),
-        lambda: Separate("move", 0.0),
-        lambda: Separate("shrink", 1.0),
-        lambda: two_boxes(2, 0.1, ("move",)),
-        lambda: two_boxes(2, 0.1, "move"),
-    ):
-        with pytest.raises(InputError):
-            make()

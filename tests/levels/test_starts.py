@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 import pdvol
-from pdvol import Barrier, Body, InputError, IntersectionError, NeoHookean, Plane, Scene, Separate
+from pdvol import Barrier, Body, IntersectionError, NeoHookean, Plane, Scene, Separate
 from pdvol.levels.initial_state import smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.obstacles import placed_obstacles
-from pdvol.levels.start import start_positions, started
+from pdvol.levels.start import started
 from pdvol.meshing.build import build_levels
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.runs.separation import build_apart
-from pdvol.scene.fingerprint import describe
 from shapes import solid
 
 SOFT = NeoHookean(1e5, 0.3, 1000.0)
@@ -88,38 +87,6 @@ def test_what_meets_is_asked_where_bodies_start():
     assert "level 0: 6 vertices are at or below" in said and "by 0.6 m" in said
 
 
-def test_the_smallest_gap_is_that_at_the_start():
-    shot = scene(cube(), cube(lambda X: X - (0.9, 1.9), low=2.0, name="other"))
-    begun = started(shot, build_levels(shot)[0], 0)
-    gap, _ = smallest_gap(begun, (), ["cube", "other"], 0.4)
-    assert gap["distance"] == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize(
-    ("start", "said"),
-    [
-        (lambda X: X * (-1.0, 1.0), "level 0: the start of body 'cube' turns 8 of 8 cells inside out or flat, as cell"),
-        (
-            lambda X: X * (1.0, 0.0),
-            "turns 8 of 8 cells inside out or flat, as cell 0 at (0.3333, 0.1667), which gets 0 ",
-        ),
-        (lambda X: X[:, 0], "the start of body 'cube' must give an array of shape (9, 2), not (9,)"),
-        (lambda X: X * np.nan, "level 0: the start of body 'cube' gives NaN or infinity"),
-        (
-            lambda X: X * 1e200,
-            "the start of body 'cube' leads a vertex 1e+200 m away, where coordinates of a body of 1.41",
-        ),
-        (lambda X: X.astype(str), "the start of body 'cube' gives no numbers"),
-        (lambda X: 1 / 0, "the start of body 'cube' failed: ZeroDivisionError"),
-    ],
-)
-def test_a_start_that_cannot_be_is_one_line(start, said):
-    (found,) = defects(scene(cube(start)))
-    assert said in found and "\n" not in found
-    with pytest.raises(InputError):
-        start_positions(scene(cube(start)), build_levels(scene(cube(start)))[0], 0)
-
-
 def test_the_level_that_is_turned_is_named():
     """Sharper than coarse cells can see: only the finer level has vertices in the fold."""
     fold = lambda X: np.column_stack([np.where(np.abs(X[:, 0] - 0.25) < 0.01, 0.6, X[:, 0]), X[:, 1]])
@@ -129,24 +96,14 @@ def test_the_level_that_is_turned_is_named():
     assert said.startswith("level 1: the start of body 'cube' turns 8 of 32 cells inside out")
 
 
-def test_an_array_is_no_start():
-    with pytest.raises(
-        InputError, match="body 'cube': start must be a function of rest positions .* or a Posed, .* not ndarray"
-    ):
-        cube(np.zeros((9, 2)))
-
-
-def test_notes_say_how_bodies_are_stretched():
+def test_notes_and_gaps_are_those_of_the_start():
     shot = scene(cube(lambda X: X * (1.5, 0.8)))
     note = "level 0: body 'cube' starts away from rest, its cells stretched by 0.8 to 1.5"
     assert note in level_notes(shot, build_levels(shot)[0], 0, 1.0)
     assert "body 'cube': starts away from rest, where curved leads it" in modelled_terms(scene(cube(curved)))
-
-
-def test_another_start_is_another_scene():
-    by = lambda shift: cube(lambda X: X + shift)
-    assert describe(by(1.0)) == describe(by(1.0)) != describe(by(2.0))
-    assert describe(cube())["start"] is None, "as runs have it that were stored before there was one"
+    shot = scene(cube(), cube(lambda X: X - (0.9, 1.9), low=2.0, name="other"))
+    gap, _ = smallest_gap(started(shot, build_levels(shot)[0], 0), (), ["cube", "other"], 0.4)
+    assert gap["distance"] == pytest.approx(0.1)
 
 
 def test_separate_moves_only_bodies_without_a_start():

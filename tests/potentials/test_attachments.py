@@ -1,23 +1,21 @@
-"""Springs between bodies: derivatives, totals that no mesh changes, and the same material on every level."""
-
-import re
+"""Springs between bodies, and muscles: totals that no mesh changes, and the same material on every level."""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import bound_springs
+from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.locate import nearest_material
-from pdvol.levels.scene_fields import check_fields
+from pdvol.levels.materials import level_muscles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Attachment
-from problems import SOFT, make_scene
+from pdvol.scene import Attachment, Muscle, NeoHookean, Solver, Support
+from problems import SOFT, block, make_scene, make_stepper, take_step
 from shapes import box, together
-from taylor import check_term, exact_hessian, hessian_of, smallest_eigenvalue, state
+from taylor import hessian_of
 
 DIMENSIONS = [2, 3]
 STIFFNESS, GAP = 300.0, 0.2
@@ -41,16 +39,6 @@ def scene(**settings):
 def term(mesh, **settings):
     (springs,) = bound_springs(scene(**settings), mesh, mesh.points, mesh, mesh.points)
     return Attachments(LevelSpace(mesh, MPI.COMM_SELF), springs)
-
-
-@pytest.mark.parametrize("d", DIMENSIONS)
-@pytest.mark.parametrize("rest_length", [None, 0.0, 0.15, 0.6], ids=["own", "none", "pulled", "pressed"])
-def test_derivatives(d, rest_length):
-    """At a deformed state; where springs are pressed, the Hessian's negative part is left out or counted by size."""
-    found = term(cubes(d, 2), rest_length=rest_length)
-    x = state(found.space)
-    check_term(found, found.space, x, 1e-2, quadratic=rest_length == 0.0)
-    assert (smallest_eigenvalue(exact_hessian(found, x)) < -1.0) == (rest_length == 0.6)
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -136,26 +124,46 @@ def test_the_cell_around_a_point_is_found_among_many_smaller_ones():
     np.testing.assert_allclose(weights @ mesh.points[cells[found[0]]], point, atol=1e-12)
 
 
-def test_mistakes_are_named():
-    mesh = cubes(2, 2)
-    wrong = [
-        ({"where": lambda X: X[:, 0] > 9.0}, "Attachment.where holds no boundary facet of body 'body 0'"),
-        ({"to": lambda X: X[:, 0] > 9.0}, "Attachment.to holds no boundary facet of body 'body 1'"),
-        ({"where": (0.0, 9.0)}, "Attachment.where = (0.0, 9.0) lies far outside body 0"),
-        ({"to": (0.0, 0.5)}, "Attachment.to = (0.0, 0.5) lies far outside body 1"),
-        ({"where": (0.0, 0.0, 0.0)}, "3 components in a 2D scene"),
-        ({"where": lambda X: X[:3, 0] > 0}, "must give an array of shape"),
-        ({"where": lambda X: X[:, 0]}, "must give True or False"),
-    ]
-    for settings, message in wrong:
-        with pytest.raises(InputError, match=re.escape(message)):
-            check_fields(scene(**settings), mesh, 0)
-    for settings in ({"stiffness": 0.0}, {"rest_length": -1.0}, {"breaking": 0.0}, {"where": (1.0,)}):
-        with pytest.raises(InputError, match="Attachment"):
-            Attachment("a", "b", **({"where": right} | settings))
-    with pytest.raises(InputError, match="to itself"):
-        Attachment("a", "a", right)
-    with pytest.raises(InputError, match="names the body 'c'"):
-        make_scene((SOFT,), attachments=(Attachment("c", "body 0", right),))
-    with pytest.raises(InputError, match="attachments hold"):
-        make_scene((SOFT,), attachments=("body 0",))
+# ---- muscles: an equilibrium worked out by hand, and cells carried through levels
+
+
+def turning(X):
+    """A fibre field of no constant length."""
+    return 2.0 * np.column_stack([np.cos(X[:, 0]), np.sin(X[:, 0]), *([0.3 + 0.0 * X[:, 0]] * (X.shape[1] - 2))])
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_the_length_of_a_bar_that_contracts(d):
+    """Without Poisson's effect P = mu (F - 1/F) + T F = 0 along the fibre: F = sqrt(mu / (mu + T))."""
+    material = NeoHookean(1e5, 0.0, 1000.0)
+    fibre = np.eye(d)[0]
+    seconds = 100.0
+    scene = make_scene(
+        (material,),
+        dt=seconds,
+        supports=(Support(lambda X: (X < 1e-9).all(axis=1)),),
+        muscles=(Muscle("body 0", tuple(3.0 * fibre), 3e4, 0.5),),
+        solver=Solver(tolerance=1e-6 / seconds, linear="direct"),
+    )
+    mesh = block((0.0,) * d, (1.0,) + (0.2,) * (d - 1), (4,) + (1,) * (d - 1))
+    stepper = make_stepper(scene, mesh)
+    x = mesh.points
+    for number in (1, 2):
+        x = take_step(stepper, number, x, 0.0 * x).positions
+    sizes = np.linalg.norm(x[:, None] - x[None], axis=2).max(), np.linalg.norm(mesh.points.max(axis=0))
+    F = np.sqrt(material.mu / (material.mu + 0.5 * 3e4))
+    assert sizes[0] == pytest.approx(np.hypot(F, 0.2 * np.sqrt(d - 1)), rel=1e-5)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_finer_levels_take_cells_places_and_fibres_of_the_coarsest(d):
+    coarse, fine = box(d, 2, jitter=0.1, seed=1), box(d, 4, jitter=0.1, seed=2)
+    hierarchy = Hierarchy([coarse, fine], MPI.COMM_SELF)
+    scene = make_scene((SOFT,), muscles=(Muscle("body 0", turning, 3e4, where=lambda X: X[:, 0] > 0.5),))
+    (above,), (found,) = (level_muscles(scene, hierarchy, level) for level in range(2))
+    origins = hierarchy.origins(1)
+    assert np.array_equal(found.cells, np.flatnonzero(np.isin(origins, above.cells)))
+    assert 0 < len(found.cells) < len(fine.cells)
+    centres = coarse.points[coarse.cells].mean(axis=1)
+    np.testing.assert_array_equal(found.places, centres[origins[found.cells]])
+    np.testing.assert_allclose(found.fibres, Muscle("b", turning, 1.0).fibres(found.places), rtol=1e-15)

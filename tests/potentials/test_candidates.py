@@ -1,6 +1,5 @@
 """Candidates miss nothing, sums do not depend on them, and steps end before bodies meet."""
 
-import copy
 from itertools import pairwise
 from weakref import WeakKeyDictionary
 
@@ -8,7 +7,7 @@ import ipctk
 import numpy as np
 import pytest
 
-from contact_reference import DHAT, KAPPA, all_pairs, between_edges, mesh_of, surface_of, to_facets, turned, two_boxes
+from contact_reference import DHAT, KAPPA, all_pairs, between_edges, mesh_of, surface_of, to_facets, turned
 from pdvol.levels.script import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
@@ -100,7 +99,7 @@ def check_complete(candidates, vertices):
 
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("obstacle", [None, "moving"])
-@pytest.mark.parametrize("size", [1e-4, 3e-3, 0.05, 0.5])
+@pytest.mark.parametrize("size", [1e-4, 0.05, 0.5])
 def test_lists_are_complete_on_random_walks(d, obstacle, size):
     """Bodies move by any length, some of them all together, turn by any angle, are bent, and are flattened until they
     touch themselves: at the ends of straight moves, and anywhere on the way, after any history.
@@ -167,43 +166,6 @@ def test_one_search_serves_small_and_common_moves(d):
         before = within.searches
         within.along(start, end)
         assert within.searches > before
-
-
-def test_bodies_far_from_each_other_are_not_searched_until_they_come_near():
-    cubes = (box(3, 2, low=[2.0 * k, 0.0, 0.0], high=[2.0 * k + 1.0, 1.0, 1.0]) for k in range(2))
-    space, candidates = surface_of(*cubes)
-    x = Positions(space, space.from_input(space.mesh.points))
-    other = np.where(space.mesh.point_bodies[space.owned_points][:, None] == 1, [-1.0, 0.0, 0.0], 0.0)
-    candidates.contacts(candidates.surface.vertices(x), KAPPA)
-    _, between = candidates.lists
-    for distance in (0.3, 0.6, 0.9):
-        candidates.contacts(candidates.surface.vertices(x.moved(distance, other)), KAPPA)
-    assert between.searches == 1
-    candidates.contacts(candidates.surface.vertices(x.moved(1.0 - 0.5 * DHAT, other)), KAPPA)
-    assert between.searches == 2 and len(between.points)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_places_near_the_line_of_a_move_need_no_new_search(d):
-    """Nor do moves between them. Places far beyond its end or beside it do."""
-    space, candidates = two_boxes(d, obstacle=True)
-    start = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
-    slack = LIST_SLACK * candidates.primitives.edge_length
-    beside = np.random.default_rng(2).uniform(-1.0, 1.0, start.shape) / np.sqrt(d)
-    for where, more in (
-        (start + 0.3 * move, 0),
-        (start + 0.3 * move + 0.4 * slack * beside, 0),
-        (start + 2.0 * move, 1),
-        (start + 0.3 * move + 10.0 * slack * beside, 1),
-    ):
-        for pairs in Candidates(ContactSurface(space, candidates.surface.obstacles), DHAT).lists:
-            pairs.along(start, start + move)
-            before = pairs.searches
-            pairs.at(where)
-            assert pairs.searches == before + more
-            pairs.along(where, start + 0.7 * move)
-            assert pairs.searches == before + 2 * more
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -342,45 +304,3 @@ def test_bounds_are_no_larger_than_distances(d, obstacle):
         x, time = x.moved(step, direction), time + step * size
         candidates.surface.move_obstacles(time)
     assert beyond > 100 and shown > 0.6 * beyond
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_ranks_share_contacts_by_vertices(d):
-    """A rank has all contacts of its vertices, in the order and to the last bit of one rank, and each contact counts on
-    one rank. Here ranks are cut through bodies.
-    """
-    space, candidates = heap(d, 6, "moving")
-    rest = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    n, ranks = space.n_owned, 3
-    shared = []
-    for rank in range(ranks):
-        one = copy.copy(space)
-        one.first_block, last = n * rank // ranks, n * (rank + 1) // ranks
-        one.n_owned = last - one.first_block
-        shared.append(Candidates(ContactSurface(one, candidates.surface.obstacles), DHAT))
-    rng, crossing, fading, place = np.random.default_rng(0), 0, 0, 0.0
-    for _ in range(8):
-        place = place + 0.5 * DHAT * rng.uniform(-1, 1, rest.shape)
-        every = candidates.contacts(rest + place, KAPPA)
-        whole, counts, touched = rows_of(every), np.zeros(len(every)), np.zeros(len(every))
-        for part in shared:
-            found, its, of = part.contacts(rest + place, KAPPA), part.surface, np.full(len(part.surface.objects), -1)
-            of[: len(its.surface)] = its.space.point_blocks[its.surface]
-            owned = (of >= its.space.first_block) & (of < its.space.first_block + its.space.n_owned)
-            touches = owned[found.vertices].any(axis=1)
-            rows = rows_of(found)
-            theirs = np.flatnonzero(owned[every.vertices].any(axis=1))
-            assert [rows[k] for k in np.flatnonzero(touches)] == [whole[k] for k in theirs]
-            assert touches[found.counted].all()
-            counts[theirs] += found.counted[touches]
-            touched[theirs] += 1
-            fading += len(found.fades)
-        assert (counts == 1).all()
-        crossing += np.count_nonzero(touched > 1)
-    assert crossing > 3 and (d == 2 or fading)
-
-
-def rows_of(found) -> list[bytes]:
-    """Each contact's vertices, coefficients, gap and weight."""
-    parts = found.vertices, found.coefficients, found.gaps, found.weights
-    return [b"".join(part[k].tobytes() for part in parts) for k in range(len(found))]

@@ -8,7 +8,6 @@ import barrier_law
 import contact_reference
 from contact_reference import DHAT, KAPPA, crossing_tetrahedra, random_tetrahedra, surface_of, two_boxes
 from pdvol.compiled import ffi
-from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import CONTACT, FADE
@@ -41,12 +40,15 @@ def test_the_energy_is_its_definition(d, obstacle):
         expected = sum(contact_reference.brute_force_energy(candidates, candidates.surface.vertices(x)))
         assert expected > 0.0 or (d == 2 and size == 3.0 * DHAT)
         np.testing.assert_allclose(barrier.value(x), expected, rtol=1e-9)
+        found = barrier.contacts(x)
+        np.testing.assert_allclose(found.gaps_of(candidates.surface.vertices(x)), found.gaps, atol=1e-13)
+        np.testing.assert_allclose(found.coefficients.sum(axis=1), 0.0, atol=1e-12)
 
 
 def test_the_energy_of_tetrahedra_is_its_definition():
     """In all positions, even ones that intersect, with lengths of dhat: all kinds of contact, faded ones among them."""
     crossed = faded = 0
-    for seed in range(200):
+    for seed in range(120):
         space, candidates = random_tetrahedra(seed, size=(0.5 + seed % 5) * DHAT)
         x = at_rest(space)
         points, edges = contact_reference.brute_force_energy(candidates, candidates.surface.vertices(x))
@@ -56,7 +58,7 @@ def test_the_energy_of_tetrahedra_is_its_definition():
         )
         crossed += edges > 0.0
         faded += len(barrier.contacts(x).fades) > 0
-    assert crossed > 100 and faded > 100
+    assert crossed > 60 and faded > 60
 
 
 def tip_of(*corners):
@@ -96,18 +98,36 @@ def share_of(kind, mesh, active):
 @pytest.mark.parametrize(
     "kind, below, above", [("vv", DOWN, UP), ("ev", ALONG, UP), ("fv", FLAT, UP), ("ee", ALONG, ACROSS)]
 )
-def test_the_energy_of_one_contact_is_ipctks(kind, below, above):
+def test_one_contact_is_ipctks(kind, below, above):
     """Energy and forces of one weight are ipctk's for each kind. The weight is half the area of each vertex that meets
-    the other body, or that of crossing edges, which ipctk has, too.
+    the other body, or that of crossing edges, which ipctk has, too. So is friction, sticking and sliding, where both
+    lag the same gap.
     """
-    space, candidates, x, mesh, active = one_contact(kind, below, above)
-    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
+    space, candidates, x_t, mesh, active = one_contact(kind, below, above)
     share = share_of(kind, mesh, active)
-    barrier = ContactBarrier(candidates, KAPPA)
-    vertices = candidates.surface.vertices(x)
-    np.testing.assert_allclose(barrier.value(x), share * theirs(active, mesh, vertices), rtol=1e-10)
-    gradient = share * candidates.surface.rows_of(theirs.gradient(active, mesh, vertices).reshape(-1, 3))
-    np.testing.assert_allclose(barrier.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
+    barrier, vertices = ContactBarrier(candidates, KAPPA), candidates.surface.vertices(x_t)
+    law = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
+
+    def assert_same(term, x, value, gradient):
+        np.testing.assert_allclose(term.value(x), share * value, rtol=1e-10)
+        gradient = share * candidates.surface.rows_of(gradient.reshape(-1, 3))
+        np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
+
+    assert_same(barrier, x_t, law(active, mesh, vertices), law.gradient(active, mesh, vertices))
+    if kind in ("vv", "ev"):
+        return
+    eps_v, dt, mu = 0.1, 0.02, 0.4
+    term, lagged = LaggedFriction(barrier, mu, eps_v), ipctk.TangentialCollisions()
+    barrier.begin_step(x_t, 0.0, dt)
+    term.begin_step(x_t, 0.0, dt)
+    lagged.build(mesh, vertices, active, law, mu)
+    theirs = ipctk.FrictionPotential(eps_v=eps_v * dt)
+    assert len(lagged) == 1
+    for slips in (0.3, 3.0):
+        way = np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape)
+        x = Positions(space, x_t.owned + slips * eps_v * dt * way)
+        slip = np.asfortranarray(candidates.surface.vertices(x) - vertices)
+        assert_same(term, x, theirs(lagged, mesh, slip), theirs.gradient(lagged, mesh, slip))
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -132,32 +152,6 @@ def test_a_flat_surface_does_not_touch_itself(d, jitter):
     np.testing.assert_allclose(barrier.gradient(x)[flat], 0.0, atol=1e-11 * force)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("cells", [1, 7])
-def test_contacts_of_two_flat_faces_weigh_their_area(d, cells):
-    """A small face above the middle of a large one: its vertices weigh half of its area and, at their rims, half of
-    what the sides have there, whatever the mesh below is; the large one's vertices below it weigh theirs.
-    """
-    low = np.r_[np.full(d - 1, 0.3), 1.0 + 0.5 * DHAT]
-    space, candidates = surface_of(box(d, cells), box(d, 3, low=low, high=low + 0.37))
-    barrier = ContactBarrier(candidates, KAPPA)
-    found, x = barrier.contacts(at_rest(space)), at_rest(space)
-    vertices = candidates.surface.vertices(x)
-    points = found.coefficients[:, 1:].max(axis=1) <= 0.0
-    sizes = facet_sizes(vertices, candidates.primitives.facets)
-    area = 0.5 * np.bincount(candidates.primitives.facets.ravel(), np.repeat(sizes / d, d), minlength=len(vertices))
-    up = vertices[:, -1]
-    above = candidates.surface.objects == 1
-    on_top = above & (up < up[above].min() + 1e-9)
-    inside = np.all((vertices[:, :-1] > 0.3) & (vertices[:, :-1] < 0.67), axis=1)
-    below = ~above & (up > 1.0 - 1e-9) & inside
-    assert below.any() == (cells == 7) and np.linalg.norm(found.gaps, axis=1).min() > 0.5 * DHAT - 1e-12
-    one = found.vertices[:, 0]
-    for group in (on_top, below):
-        weights = np.bincount(one[points], found.weights[points], minlength=len(vertices))
-        np.testing.assert_allclose(weights[group], area[group], rtol=1e-9)
-
-
 @pytest.mark.parametrize("name, kind", [("contact_t", CONTACT), ("fade_t", FADE)])
 def test_contacts_have_one_layout_in_c_and_python(name, kind):
     assert ffi.sizeof(name) == kind.itemsize
@@ -165,30 +159,17 @@ def test_contacts_have_one_layout_in_c_and_python(name, kind):
     assert len(ffi.typeof(name).fields) == len(kind.names)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_gaps_of_contacts(d):
-    """Gap vectors are the coefficients' combinations, and all coefficients add up to zero."""
-    space, candidates = two_boxes(d, obstacle=True)
-    x = at_rest(space)
-    found = ContactBarrier(candidates, KAPPA).contacts(x)
-    vertices = candidates.surface.vertices(x)
-    assert len(found) > 7
-    np.testing.assert_allclose(found.gaps_of(vertices), found.gaps, atol=1e-13)
-    np.testing.assert_allclose(found.coefficients.sum(axis=1), 0.0, atol=1e-12)
-
-
 # ---- no jumps
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.01, 0.02, 0.025, 0.04, 0.3, 0.5 * np.pi])
+@pytest.mark.parametrize("angle", [0.0, 0.01, 0.025, 0.04, 0.5 * np.pi])
 @pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.2, 0.06, 0.0), (0.4, -0.03, 0.01), (0.0, 0.08, 0.005)])
 def test_edges_that_slide_along_each_other(angle, way):
     space, candidates, points, _ = crossing_tetrahedra(angle)
     slide_upper(space, candidates, points, np.array(way))
 
 
-@pytest.mark.parametrize("size", [0.25, 1 / 7, 0.03])
-@pytest.mark.parametrize("angle, seed", [(0.2, 0), (0.5, 2), (1.0, 7), (0.02, 3)])
+@pytest.mark.parametrize("size, angle, seed", [(0.25, 0.2, 0), (1 / 7, 0.5, 2), (0.03, 1.0, 7), (0.03, 0.02, 3)])
 def test_crushed_edges_that_slide_along_each_other(size, angle, seed):
     """Turned any way round. Lengths at rest do not say which edges are nearly parallel."""
     space, candidates, points, frame = crossing_tetrahedra(angle, size, seed)
@@ -210,15 +191,6 @@ def test_edges_that_turn_until_they_are_parallel(swap):
     contact_reference.check_slide(space, candidates, before, after)
 
 
-def test_crossing_edges_push_for_their_area_at_rest():
-    """Where they cross at right angles, the energy is that of edges that are not crushed."""
-    energies = []
-    for size in (1.0, 0.6, 0.3, 0.1):
-        space, candidates, points, _ = crossing_tetrahedra(0.5 * np.pi, size)
-        energies.append(ContactBarrier(candidates, KAPPA).value(Positions(space, space.from_input(points))))
-    np.testing.assert_allclose(energies, energies[0], rtol=1e-10)
-
-
 def bent(d, n, angle):
     """A plate of 2 n cells whose right half is bent downwards by an angle, below a small box whose lower face is a
     third of a dhat above the plate.
@@ -231,7 +203,7 @@ def bent(d, n, angle):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("angle", [0.0, 0.3, -0.3, 1.0, -1.0])
+@pytest.mark.parametrize("angle", [0.0, 0.3, -1.0])
 @pytest.mark.parametrize("corner", [False, True])
 def test_a_body_that_slides_over_a_surface(d, angle, corner):
     """Over the vertices and edges of a flat, a convex and a concave surface: a box, or a box on its corner."""
@@ -251,7 +223,7 @@ def test_a_body_that_slides_over_a_surface(d, angle, corner):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_body_that_deforms(d, seed):
     """Straight ways between two random states of two boxes and an obstacle, contact within bodies included."""
     space, candidates = two_boxes(d, obstacle=True)
@@ -305,7 +277,7 @@ def check_derivatives_at(space, candidates, points, seed, length):
 def test_gradient_and_hessian_of_tetrahedra():
     """All kinds of contact and of fades, each by itself in some of the states. There is no net force and torque."""
     seen, faded = 0, 0
-    for seed in range(150):
+    for seed in range(100):
         space, candidates = random_tetrahedra(seed, size=(0.5 + seed % 4) * DHAT)
         found = ContactBarrier(candidates, KAPPA).contacts(at_rest(space))
         if not len(found) or np.linalg.norm(found.gaps, axis=1).min() < 0.05 * DHAT:
@@ -315,7 +287,7 @@ def test_gradient_and_hessian_of_tetrahedra():
         np.testing.assert_allclose(g.sum(axis=0), 0.0, atol=1e-9 * np.abs(g).max())
         np.testing.assert_allclose(x.T @ g - g.T @ x, 0.0, atol=1e-9 * DHAT * np.abs(g).max())
         seen, faded = seen + 1, faded + (len(found.fades) > 0)
-    assert seen > 40 and faded > 20
+    assert seen > 26 and faded > 13
 
 
 @pytest.mark.parametrize("angle", [0.005, 0.01, 0.02, 0.03])
@@ -325,69 +297,6 @@ def test_gradient_and_hessian_of_edges_that_are_nearly_parallel(angle, shift):
     points[4:] += shift * (points[1] - points[0])
     assert len(ContactBarrier(candidates, KAPPA).contacts(Positions(space, space.from_input(points))).fades)
     check_derivatives_at(space, candidates, points, 0, 1e-3 * DHAT * angle)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_the_hessian_is_exact_along_the_gap(d):
-    """A body that moves along the common normal of two flat faces turns no gap: only negative weights are left out."""
-    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
-    space, candidates = surface_of(box(d, 3), box(d, 2, low=low, high=low + 0.5))
-    barrier = ContactBarrier(candidates, KAPPA)
-    x = at_rest(space)
-    found = barrier.contacts(x)
-    up = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.eye(d)[-1]
-    exact = up.ravel() @ hessian_of(barrier, space, x.owned, "none").toarray() @ up.ravel()
-    squared = np.einsum("kd,kd->k", found.gaps, found.gaps)
-    moved = found.gaps_of(candidates.surface.vertices(Positions(space, up)))
-    along = np.einsum("kd,kd->k", found.gaps, moved) ** 2 / squared
-    expected = found.weights @ (along * barrier_law.curvature(squared / DHAT**2, DHAT, KAPPA))
-    np.testing.assert_allclose(exact, expected, rtol=1e-8)
-
-
-# ---- friction
-
-
-@pytest.mark.parametrize("kind, below, above", [("fv", FLAT, UP), ("ee", ALONG, ACROSS)])
-def test_friction_of_one_contact_is_ipctks(kind, below, above):
-    """Value and gradient against ipctk's own friction potential, sticking and sliding."""
-    space, candidates, x_t, mesh, active = one_contact(kind, below, above)
-    barrier = ContactBarrier(candidates, KAPPA)
-    eps_v, dt, mu = 0.1, 0.02, 0.4
-    term, lagged = LaggedFriction(barrier, mu, eps_v), ipctk.TangentialCollisions()
-    barrier.begin_step(x_t, 0.0, dt)
-    term.begin_step(x_t, 0.0, dt)
-    vertices = candidates.surface.vertices(x_t)
-    law = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
-    lagged.build(mesh, vertices, active, law, mu)
-    theirs = ipctk.FrictionPotential(eps_v=eps_v * dt)
-    assert len(lagged) == 1
-    weight = share_of(kind, mesh, active)
-    for slips in (0.3, 3.0):
-        way = np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape)
-        x = Positions(space, x_t.owned + slips * eps_v * dt * way)
-        slip = np.asfortranarray(candidates.surface.vertices(x) - vertices)
-        gradient = weight * candidates.surface.rows_of(theirs.gradient(lagged, mesh, slip).reshape(-1, 3))
-        np.testing.assert_allclose(term.value(x), weight * theirs(lagged, mesh, slip), rtol=1e-10)
-        np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_friction_is_mu_times_the_normal_force(d):
-    """The upper of two boxes slides on the flat face of the lower one: the force on it, whatever the signs of the
-    weights that make it up.
-    """
-    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
-    space, candidates = surface_of(box(d, 1), box(d, 4, low=low, high=low + 0.7))
-    barrier = ContactBarrier(candidates, KAPPA)
-    eps_v, dt, mu = 0.1, 0.02, 0.4
-    term, x_t = LaggedFriction(barrier, mu, eps_v), at_rest(space)
-    barrier.begin_step(x_t, 0.0, dt)
-    term.begin_step(x_t, 0.0, dt)
-    upper = space.mesh.point_bodies[space.owned_points] == 1
-    x = Positions(space, x_t.owned + np.where(upper, 5.0 * eps_v * dt, 0.0)[:, None] * np.eye(d)[0])
-    normal = barrier.gradient(x_t)[upper].sum(axis=0)[-1]
-    assert normal < 0.0
-    np.testing.assert_allclose(term.gradient(x)[upper].sum(axis=0)[0], -mu * normal, rtol=1e-9)
 
 
 def test_a_rank_without_rows_of_any_contact_adds_nothing():

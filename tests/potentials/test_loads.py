@@ -1,33 +1,24 @@
-"""Inertia, forces, impulses, flows, pressures and what changes with time, against momentum balances, enclosed volumes
+"""Forces, impulses, flows, pressures and what changes with time, against momentum balances, enclosed volumes
 and expansions worked out by hand.
 """
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
 from mpi4py import MPI
 from scipy.optimize import brentq
 
 from pdvol import meshes
-from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets
-from pdvol.geometry.level_mesh import lumped_masses
-from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import kernels
-from pdvol.potentials.build import Terms
 from pdvol.potentials.loads import EnclosedPressure, point_shares
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Pressure, Solver, Support
-from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.report import Stopwatch
-from problems import SOFT, make_scene, make_stepper, march, masses, take_step
+from problems import make_scene, make_stepper, march, masses, take_step
 from shapes import box, level, together
-from taylor import check_term, exact_hessian, hessian_of, smallest_eigenvalue, state
+from taylor import check_term, hessian_of, smallest_eigenvalue, state
 
 DIMENSIONS = [2, 3]
-ROUND = 1e-12  # relative size of what should cancel
 LOOSE = 1e-7  # m/s: the solver's tolerance, of speeds of order one
 STIFF = NeoHookean(1e8, 0.3, 1000.0)
 
@@ -40,38 +31,6 @@ def speeds(scene, mesh, steps, velocity=None):
     """Velocities (n, d) after each step, and the vertices' masses."""
     problem = make_stepper(scene, mesh)
     return [report.velocity for report in march(problem, steps, velocity=velocity)], masses(problem)
-
-
-def momentum(v, m):
-    return m @ v
-
-
-# ---- inertia
-
-
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_inertia_is_the_form_that_dolfinx_assembles(d):
-    """Value, gradient and Hessian of the march's inertia, with another density in each cell: vertex quadrature lumps
-    the mass matrix, so that its other entries are zero.
-    """
-    space, dt = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF), 0.02
-    rho = np.random.default_rng(1).uniform(1.0, 5.0, len(space.mesh.cells))
-    mass = np.repeat(space.from_input(lumped_masses(space.mesh, rho))[:, None], d, axis=1)
-    potential = IncrementalPotential(space, Terms(mass, ()), Stopwatch())
-    x = Positions(space, state(space))
-    potential.begin_step(x, x.owned + 0.3 * state(space, seed=5), dt**2, 0.0, dt)
-    u = space.function(space.to_input(x.owned - potential.x_hat), "u")
-    dx = ufl.Measure("dx", domain=space.domain, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
-    energy = space.cell_function(rho, "density") / 2 * ufl.inner(u, u) * dx
-    force = ufl.derivative(energy, u)
-    mass = fem.assemble_matrix(fem.form(ufl.derivative(force, u))).to_dense()
-    assert potential.value(x) == pytest.approx(fem.assemble_scalar(fem.form(energy)), rel=ROUND)
-    assembled = fem.assemble_vector(fem.form(force)).array.reshape(-1, d)
-    np.testing.assert_allclose(potential.gradient(x), assembled, rtol=ROUND, atol=ROUND)
-    np.testing.assert_allclose(
-        hessian_of(potential, space, x.owned).toarray(), mass, rtol=ROUND, atol=ROUND * mass.max()
-    )
-    np.testing.assert_allclose(mass, np.diag(mass.diagonal()), atol=ROUND * mass.max())
 
 
 # ---- drag as a term
@@ -91,14 +50,14 @@ def test_a_current_slows_and_carries(d):
         # k (u - v+)^2 = v+ - v: with w = u - v+ the positive root of k w^2 + w - (u - v) = 0.
         v = u - (np.sqrt(1 + 4 * k * (u - v)) - 1) / (2 * k)
         # Corners, edges and the inside are dragged differently and the cube is not quite rigid.
-        assert momentum(at, m)[0] / m.sum() == pytest.approx(v, rel=2e-3)
+        assert (m @ at)[0] / m.sum() == pytest.approx(v, rel=2e-3)
     assert 0.4 * u < v < u
 
 
 def test_a_huge_step_does_not_overshoot_the_flow():
     mesh = box(2, 2)
     found, m = speeds(shot(Flow((3.0, 0.0), 1000.0, 5.0), dt=100.0), mesh, 2)
-    assert np.all(found[-1][:, 0] < 3.0 + 1e-6) and momentum(found[-1], m)[0] / m.sum() > 2.9
+    assert np.all(found[-1][:, 0] < 3.0 + 1e-6) and (m @ found[-1])[0] / m.sum() > 2.9
 
 
 # ---- forces
@@ -127,7 +86,7 @@ def test_forces_add_their_momentum_and_change_with_time_without_compiling(d, mon
     for number, v in enumerate(found, 1):
         t = number * scene.dt
         total += scene.dt * (50.0 * F(t) + hold + m.sum() * g(t))
-        np.testing.assert_allclose(momentum(v, m), total, atol=1e-4 * np.abs(total).max())
+        np.testing.assert_allclose(m @ v, total, atol=1e-4 * np.abs(total).max())
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -154,22 +113,15 @@ def test_a_point_force_acts_where_it_says(d):
 # ---- impulses
 
 
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_an_impulse_comes_once(d):
-    """The momentum of the right half jumps in the step that 0.025 s falls in, the third of 0.01 s, and never again."""
-    jump = np.linspace(1.0, 2.0, d)
-    mesh = box(d, 2)
-    found, m = speeds(shot(Impulse(tuple(jump), 0.025, lambda X: X[:, 0] > 0.4), materials=(NeoHookean(1e5),)), mesh, 6)
+@pytest.mark.parametrize(("d", "time", "step"), [(2, 0.0, 1), (3, 0.01, 2), (2, 0.025, 3), (3, 0.03, 4), (2, 0.07, 8)])
+def test_an_impulse_comes_once(d, time, step):
+    """The momentum of the right half jumps in the step that its time falls in, or that begins then, and never again."""
+    jump, mesh = np.linspace(1.0, 2.0, d), box(d, 2)
+    push = Impulse(tuple(jump), time, lambda X: X[:, 0] > 0.4)
+    found, m = speeds(shot(push, materials=(NeoHookean(1e5),)), mesh, 9)
     held = m @ (mesh.points[:, 0] > 0.4)
     for number, v in enumerate(found, 1):
-        np.testing.assert_allclose(momentum(v, m), held * jump * (number >= 3), atol=1e-4 * held)
-
-
-@pytest.mark.parametrize("time", [0.0, 0.01, 0.03, 0.07])
-def test_an_impulse_at_a_step_s_end_is_not_lost(time):
-    mesh = box(2, 1)
-    found, m = speeds(shot(Impulse((1.0, 0.0), time)), mesh, 9)
-    np.testing.assert_allclose(found[-1], [[1.0, 0.0]] * len(mesh.points), atol=1e-5)
+        np.testing.assert_allclose(m @ v, held * jump * (number >= step), atol=1e-4 * held)
 
 
 def test_an_impulse_in_a_halved_step_is_whole():
@@ -184,7 +136,7 @@ def test_an_impulse_in_a_halved_step_is_whole():
     assert total == pytest.approx(masses(problem).sum(), rel=1e-12)
 
 
-# ---- one body, and mistakes
+# ---- one body
 
 
 def test_loads_on_one_body():
@@ -197,39 +149,6 @@ def test_loads_on_one_body():
     ):
         (v,), _ = speeds(shot(load, materials=(STIFF, STIFF)), mesh, 1)
         assert np.all(v[mesh.point_bodies == 0] == 0.0) and np.any(v[mesh.point_bodies == 1, 0] > 1e-5)
-
-
-@pytest.mark.parametrize(
-    ("load", "message"),
-    [
-        (Gravity((0.0, 0.0, -9.81)), "3 components in a 2D scene"),
-        (Gravity(lambda t: (0.0, 0.0, 1.0)), "gravity must give an array of shape"),
-        (Force(lambda t: (np.nan, t)), "NaN"),
-        (Force((1.0, 0.0), lambda X: X[:, 0] > 9.0), "Force holds no vertex of level 0"),
-        (Force((1.0, 0.0), lambda X: X[:, 5]), "`where` failed"),
-        (PointForce((1.0, 0.0), (5.0, 5.0)), "far outside"),
-        (Impulse((1.0, 0.0, 0.0)), "3 components"),
-        (Flow(lambda x, t: x[:, 0]), "Flow.velocity must give an array of shape"),
-        (Flow((1.0, 2.0, 3.0)), "3 components"),
-    ],
-)
-def test_mistakes_in_loads_are_reported_before_the_run(load, message):
-    with pytest.raises(InputError, match=message):
-        check_fields(shot(load), box(2, 2), 0)
-
-
-def test_unknown_loads_and_bodies():
-    for load, message in (("gravity", "not str"), (Force((1.0, 0.0), body="nobody"), "nobody")):
-        with pytest.raises(InputError, match=message):
-            shot(load)
-    for make in (
-        lambda: Flow((1.0, 0.0), density=0.0),
-        lambda: Flow((1.0, 0.0), drag=-1.0),
-        lambda: Impulse((1.0, 0.0), -1.0),
-        lambda: Force(3.0),
-    ):
-        with pytest.raises(InputError):
-            make()
 
 
 # ---- pressure in closed bodies
@@ -285,9 +204,8 @@ def test_a_cavity_that_touches_the_outer_boundary_at_a_vertex():
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
-@pytest.mark.parametrize("pressure", [PRESSURE, -PRESSURE])
-@pytest.mark.parametrize("shape", [0, 1], ids=["full", "cavity"])
-def test_derivatives(d, pressure, shape):
+@pytest.mark.parametrize(("shape", "pressure"), [(0, -PRESSURE), (1, PRESSURE)], ids=["full", "cavity"])
+def test_derivatives(d, shape, pressure):
     """Exact and projected; the gradient by the whole size is p times d times the volume."""
     mesh = shapes_of(d)[shape]
     space = LevelSpace(mesh, MPI.COMM_SELF)
@@ -295,10 +213,10 @@ def test_derivatives(d, pressure, shape):
     term.begin_step(Positions(space, space.from_input(mesh.points)), 0.5, 1.0)
     assert term.pressure == pressure
     check_term(term, term.space, x, 1e-1, quadratic=d == 2)
-    exact = exact_hessian(term, x)
+    exact, clamped, whole = (hessian_of(term, term.space, x, name).toarray() for name in ("none", "clamp", "abs"))
     assert smallest_eigenvalue(exact) < 0.0
+    assert min(map(smallest_eigenvalue, (clamped, whole))) >= -1e-10 * np.abs(exact).max()
     # Absolute values are twice the positive part, less the whole.
-    clamped, whole = (hessian_of(term, term.space, x, name).toarray() for name in ("clamp", "abs"))
     np.testing.assert_allclose(whole, 2.0 * clamped - exact, atol=1e-10 * np.abs(exact).max())
     force, volume = -term.gradient(Positions(term.space, x)), enclosed_volume(term.space.to_input(x), term.facets)
     assert np.vdot(x, force) == pytest.approx(d * pressure * volume, rel=1e-11)
@@ -348,18 +266,3 @@ def test_a_ring_widens_as_lame_says():
     for r in (a, b):
         expected = pressure * a**2 / (b**2 - a**2) * (1 + nu) / young * ((1 - 2 * nu) * r + b**2 / r)
         assert outward[np.isclose(radius, r)].mean() == pytest.approx(expected, rel=0.02)
-
-
-def test_mistakes_are_named():
-    mesh = box(2, 1)
-    for pressure, message in (
-        (lambda t: np.nan, "Pressure.pressure gives NaN"),
-        (lambda t: (1.0, 2.0), "Pressure.pressure must give an array of shape"),
-        (lambda t: 1 / 0, "Pressure.pressure failed"),
-    ):
-        with pytest.raises(InputError, match=message):
-            check_fields(make_scene((SOFT,), loads=(Pressure("body 0", pressure),)), mesh, 0)
-    with pytest.raises(InputError, match="is not a finite number"):
-        Pressure("a", np.inf)
-    with pytest.raises(InputError, match="Pressure names the body 'b'"):
-        make_scene((SOFT,), loads=(Pressure("b", 1.0),))

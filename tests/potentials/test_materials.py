@@ -1,6 +1,4 @@
-"""Each law against stresses derived by hand, and plane strain; damping against its own formula; a
-user's law.
-"""
+"""Each law against stresses derived by hand, and plane strain; damping against its own formula; a user's law; keys."""
 
 from dataclasses import make_dataclass
 
@@ -9,18 +7,30 @@ import pytest
 import ufl
 from mpi4py import MPI
 
-from pdvol import native
+from pdvol import (
+    Body,
+    FixedCorotational,
+    Keyed,
+    Material,
+    NeoHookean,
+    Pressure,
+    Region,
+    Scene,
+    StVenantKirchhoff,
+    native,
+)
 from pdvol.errors import InputError
-from pdvol.levels.materials import cell_materials, check_laws
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.materials import cell_materials, level_materials
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.cell_energy import CellEnergy, Density
 from pdvol.potentials.assembly.domains import Domains
-from pdvol.potentials.elasticity import Damping
+from pdvol.potentials.elasticity import CauchyStress, Damping
 from pdvol.potentials.potential import Positions
-from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix
+from pdvol.scene import rotation_matrix
 from problems import elastic, make_scene
-from shapes import box, level
-from taylor import check_term, hessian_of, smallest_eigenvalue
+from shapes import box, level, together
+from taylor import check_term, hessian_of, smallest_eigenvalue, state
 
 LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
 DIMENSIONS = [2, 3]
@@ -116,7 +126,7 @@ def test_derivatives_under_the_barrier(law, d):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_isotropic_laws_are_recognised(terms, law):
-    """In 3D their Hessians go through stretches (checked in test_hessian_filter), many times faster."""
+    """In 3D their Hessians go through stretches (test_terms_and_motions.py checks them), many times faster."""
     assert terms[law, 3].stretches
 
 
@@ -129,6 +139,14 @@ def damped(space):
     _, damping = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
     assert isinstance(damping, Damping)
     return damping
+
+
+def begun(d):
+    """A block's damping in a step from rest: its space, the positions at rest and the term."""
+    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
+    X, term = space.from_input(space.mesh.points), damped(space)
+    term.begin_step(Positions(space, X), 0.0, DT)
+    return space, X, term
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -165,10 +183,8 @@ def test_damping_stress_by_hand(cells, d, s, t):
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_damping_is_rayleigh_s_at_rest(d):
     """D ~ 1/2 (x - x_t)' (damping / dt) K (x - x_t) with K the elastic Hessian at rest: stiffness-proportional."""
-    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
-    X = space.from_input(space.mesh.points)
-    law, damping = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
-    damping.begin_step(Positions(space, X), 0.0, DT)
+    space, X, damping = begun(d)
+    (law,) = elastic(space, NeoHookean(YOUNG, POISSON))  # without damping there is no term of it
     K, C = (hessian_of(term, space, X, "none").toarray() for term in (law, damping))
     np.testing.assert_allclose(C, BETA / DT * K, atol=1e-10 * np.abs(C).max())
 
@@ -178,11 +194,7 @@ def test_projected_damping_by_hand(d):
     """v'Hv = sum over cells of volume (2 mu |e|^2 + lmbda tr(F^-1 f)^2) damping / dt, e = sym(F'f), f the gradient of
     v: nothing of the viscous stress, however far from definite the exact Hessian is.
     """
-    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
-    rng = np.random.default_rng(2)
-    X = space.from_input(space.mesh.points)
-    term = damped(space)
-    term.begin_step(Positions(space, X), 0.0, DT)
+    (space, X, term), rng = begun(d), np.random.default_rng(2)
     x, v = 0.7 * X + 0.1 * rng.uniform(-1, 1, X.shape), rng.standard_normal(X.shape)
     exact, H = (hessian_of(term, space, x, name).toarray() for name in ("none", "clamp"))
     F, f = (
@@ -200,18 +212,11 @@ def test_damping_of_an_expansion_is_stiff_across_it(d):
     """The viscous stress is tensile, so the exact Hessian is definite: the projection "abs", for steps that overshoot,
     takes it whole, while "clamp" has nothing of it against a turn.
     """
-    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
-    X = space.from_input(space.mesh.points)
-    term = damped(space)
-    term.begin_step(Positions(space, X), 0.0, DT)
+    space, X, term = begun(d)
     exact, clamped, whole = (hessian_of(term, space, 1.5 * X, name).toarray() for name in ("none", "clamp", "abs"))
     np.testing.assert_allclose(whole, exact, atol=1e-11 * np.abs(exact).max())
     turn = (X @ (np.eye(d)[[1, 0, 2][:d]] * np.array([1.0, -1.0, 0.0])[:d, None])).ravel()
     assert abs(turn @ clamped @ turn) < 1e-9 < 1e-3 < turn @ exact @ turn
-
-
-def test_no_damping_no_term(cells):
-    assert len(elastic(cells[2], NeoHookean(YOUNG, POISSON))) == 1
 
 
 # ---- a user's law
@@ -250,6 +255,20 @@ def test_a_law_with_too_many_parameters_is_refused(cells):
         elastic(cells[3], many_parameters(70)(YOUNG, POISSON))
 
 
+def test_fibres_that_act_in_large_stretches_alone_are_seen():
+    """Near rest the density is isotropic to the last bit, and its Hessian far from there still has the fibre."""
+    space = LevelSpace(box(3, 2, jitter=0.1), MPI.COMM_SELF)
+    ones = np.ones(len(space.mesh.cells))
+
+    def psi(F, mu, lmbda):
+        along = F[0, 0] ** 2 + F[1, 0] ** 2 + F[2, 0] ** 2
+        return NeoHookean.psi(F, mu, lmbda) + 50.0 * ufl.max_value(along - 1.6**2, 0.0) ** 2
+
+    term = CellEnergy(space, Density(psi), {"mu": MU * ones, "lmbda": LMBDA * ones}, Domains(space, ones > 0.0))
+    assert not term.stretches
+    check_term(term, space, 1.8 * space.from_input(space.mesh.points), 1e-2)
+
+
 @pytest.mark.parametrize("psi", [lambda F, mu: mu**2, lambda F, mu: mu * F[0, 0]])
 def test_a_density_without_forces_or_stiffness_is_refused(psi):
     space = LevelSpace(box(3, 1), MPI.COMM_SELF)
@@ -258,39 +277,72 @@ def test_a_density_without_forces_or_stiffness_is_refused(psi):
         CellEnergy(space, Density(psi), {"mu": mu}, Domains(space, mu > 0.0))
 
 
-def test_mistakes_in_a_law_are_reported():
-    class Takes(Material):
-        @staticmethod
-        def psi(F, mu):
-            return mu * ufl.tr(F)
+# ---- Young's modulus by keys in time: energies are those of the material of each time
 
-    class Gives(Material):
-        @staticmethod
-        def psi(F, mu, lmbda):
-            return mu * F
-
-    for law, message in ((Takes, "psi"), (Gives, "one number"), (Material, "must define psi")):
-        with pytest.raises(InputError, match=message):
-            check_laws(make_scene((law(1.0),)), 2)
-    check_laws(make_scene(tuple(law(1.0) for law in (*LAWS, many_parameters(3)))), 3)
+KEYS = Keyed((1.0, 3.0), (2.0, 6.0))
+SECOND = 5.0  # Pa: Young's modulus of the other body
 
 
-def test_fields_out_of_range_are_refused():
-    mesh = box(2, 2)
-    for changes, message in (
-        ({"young": -1.0}, "young"),
-        ({"poisson": 0.5}, "poisson"),
-        ({"damping": -1.0}, "damping"),
-        ({"density": 0.0}, "density"),
-        ({"young": "soft"}, "young"),
-    ):
-        with pytest.raises(InputError, match=message):
-            NeoHookean(**({"young": 1.0} | changes))
-    for young, message in (
-        (lambda X: X[:, 0] - 0.5, "positive"),
-        (lambda X: X, "shape"),
-        (lambda X: np.nan * X[:, 0], "finite"),
-        (lambda X: 1 / 0, "ZeroDivision"),
-    ):
-        with pytest.raises(InputError, match=message):
-            cell_materials(make_scene((NeoHookean(young),)), mesh)
+@pytest.mark.parametrize(
+    ("d", "law", "elements"),
+    [(2, StVenantKirchhoff, "linear"), (2, FixedCorotational, "smoothed"), (3, NeoHookean, "smoothed")],
+)
+def test_each_time_has_its_own_material(d, law, elements):
+    """Value, gradient, Hessian and stress at t = 2.5 s are those of 5 Pa in one body, and of the other's own."""
+    space = LevelSpace(together(box(d, 2, jitter=0.1), box(d, 1, 2.0, 3.0)), MPI.COMM_SELF)
+    keyed, *_ = elastic(space, law(KEYS, 0.3), law(SECOND, 0.3), elements=elements)
+    fixed, *_ = elastic(space, law(5.0, 0.3), law(SECOND, 0.3), elements=elements)
+    x = state(space)
+    at = Positions(space, x)
+    early = keyed.value(at)
+    keyed.begin_step(at, 2.4, 2.5)
+    assert keyed.value(at) == pytest.approx(fixed.value(at), rel=1e-13) and keyed.value(at) > 1.2 * early
+    np.testing.assert_allclose(keyed.gradient(at), fixed.gradient(at), rtol=1e-11, atol=1e-13)
+    for projection in ("none", "clamp"):
+        one, other = (hessian_of(term, space, x, projection).toarray() for term in (keyed, fixed))
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
+    stresses = [np.zeros((len(space.mesh.cells), 3, 3)) for _ in range(3)]
+    measured = CauchyStress(keyed)
+    for time, into in ((2.5, stresses[0]), (0.0, stresses[1])):
+        keyed.set_time(time)
+        measured.add_to(into, space.to_input(x))
+    CauchyStress(fixed).add_to(stresses[2], space.to_input(x))
+    np.testing.assert_allclose(stresses[0], stresses[2], rtol=1e-11, atol=1e-13)
+    mine = space.mesh.bodies == 0
+    np.testing.assert_allclose(stresses[0][mine], 2.5 * stresses[1][mine], rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_damping_follows_too(d):
+    """Damping is stress over strain rate by stress over strain: it scales with Young's modulus."""
+    space = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF)
+    _, keyed = elastic(space, NeoHookean(KEYS, 0.3, damping=0.1))
+    _, fixed = elastic(space, NeoHookean(6.0, 0.3, damping=0.1))
+    x_t, x = Positions(space, space.from_input(space.mesh.points)), Positions(space, state(space))
+    for term in (keyed, fixed):
+        term.begin_step(x_t, 3.9, 4.0)
+    assert keyed.value(x) == pytest.approx(fixed.value(x), rel=1e-13)
+    keyed.begin_step(x_t, 0.1, 0.2)
+    assert keyed.value(x) == pytest.approx(fixed.value(x) / 3.0, rel=1e-12)
+
+
+def test_levels_carry_what_follows_time():
+    coarse, fine = box(2, 2), box(2, 5, jitter=0.1)
+    hierarchy = Hierarchy([coarse, fine], MPI.COMM_SELF)
+    body = Body(("grid",), NeoHookean(5.0), regions=(Region(NeoHookean(KEYS), lambda X: X[:, 0] > 0.5),))
+    scene = Scene((body,), dt=0.1, steps=1)
+    found = [level_materials(scene, hierarchy, level) for level in range(2)]
+    ((_, chosen),), ((keys, carried),) = (materials.keyed for materials in found)
+    assert keys is KEYS and 0 < carried.sum() < len(carried)
+    np.testing.assert_array_equal(carried, chosen[hierarchy.origins(1)])
+    np.testing.assert_array_equal(found[1].young == 2.0, carried)
+    assert found[0].softest == found[1].softest == 2.0
+    falling = make_scene((NeoHookean(Keyed((0.0, 1.0), (8.0, 3.0))), NeoHookean(5.0)))
+    assert cell_materials(falling, together(coarse, box(2, 1, 2.0, 3.0))).softest == 3.0
+    assert falling.bodies[0].uniform  # in space: nothing is bound
+
+
+def test_keys():
+    assert [KEYS(t) for t in (0.0, 1.0, 2.0, 9.0)] == [2.0, 2.0, 4.0, 6.0]
+    assert Keyed(np.array([1.0, 3.0]), [2.0, 6.0]) == KEYS and hash(KEYS) == hash(Keyed([1, 3], [2, 6]))
+    assert Pressure("a", KEYS).at(2.0) == 4.0

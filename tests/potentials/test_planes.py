@@ -1,4 +1,4 @@
-"""Half-spaces against formulas written out here: gaps, forces, the largest step; what is found once a state."""
+"""Half-spaces against formulas written out here: gaps, forces and the largest step."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from pdvol.potentials.contact.candidates import Candidates
 from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Plane, Translation
-from shapes import box, level
+from shapes import level
 
 DHAT, KAPPA, SPEED = 0.3, 7.0, 0.4
 
@@ -86,14 +86,3 @@ def test_what_is_behind_a_plane_has_no_finite_energy_and_no_way_to_go(d):
     assert barrier.value(behind) == np.inf and barrier.behind_planes(behind) == np.sum(distances(behind.owned, 0.0) < 0)
     assert barrier.behind_planes(behind) > 1 and barrier.behind_planes(Positions(space, x)) == 0
     assert barrier.max_step(behind, np.broadcast_to(-np.eye(d)[-1], x.shape).copy()) == 0.0
-
-
-# ---- what is found once a state
-
-
-def test_what_a_state_derives_is_found_once_for_each_version():
-    space = LevelSpace(box(2, 1), MPI.COMM_SELF)
-    x, asked = Positions(space, space.from_input(space.mesh.points)), []
-    find = lambda: asked.append(x) or len(asked)
-    assert [x.get("one", find), x.get("one", find), x.get("other", find), x.get("one", find, 1)] == [1, 1, 2, 3]
-    assert [x.get("one", find, 1), x.get("one", find)] == [3, 4]

@@ -20,9 +20,9 @@ from pdvol.registry import ELEMENTS
 from pdvol.scene import rotation_matrix
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.report import Stopwatch
-from problems import make_model, make_scene
-from shapes import box, together
-from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue
+from problems import elastic, make_model, make_scene
+from shapes import box, level, together
+from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state
 
 DHAT, EPS_V, MU = 0.05, 0.1, 0.4
 T0, DT = 1.0, 0.02  # [s]: motions have gone some way when the step begins
@@ -66,6 +66,7 @@ TERMS = {  # a length [m] over which remainders show, and whether the energy is 
     "surface friction": (0.02 * SLIP, {}),
 }
 GROUNDS = ("plane", "surface")
+LENGTHS = (None, 0.0, 0.5, 5.0)  # [m] of springs at rest: their own, none, pulled and pressed ones
 INTERNAL = ("elastic", "damping", "pressure", "muscle", "attachment")
 WITH_RATES = ("damping", "drag", "plane friction", "surface friction")
 WITH_OBSTACLES = ("plane barrier", "surface barrier", "plane friction", "surface friction")
@@ -129,8 +130,9 @@ class Built:
                 pdvol.Flow(tuple(np.ones(d)), 10.0, body="body 1"),
             ),
             muscles=(pdvol.Muscle("body 1", tuple(np.eye(d)[0]), 500.0),),
-            attachments=(
-                pdvol.Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.7, stiffness=30.0, rest_length=0.5),
+            attachments=tuple(
+                pdvol.Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.7, stiffness=30.0, rest_length=length)
+                for length in LENGTHS
             ),
             pulls=(pdvol.Pull("body 0", (1.0,) * d, (T0, T0 + 1.0), [(1.2,) * d, (3.0,) * d], 30.0, 0.8),),
             obstacles=(
@@ -183,6 +185,8 @@ def check(at, name, length, options):
         try:
             if name == "pressure":
                 options = {"quadratic": flat}  # an area is quadratic, a volume is not
+            elif name == "attachment":
+                options = {"quadratic": term.springs.rest_length.max() == 0.0}
             check_term(term, at.space, at.x, length, **options)
             assert_projected(term, at, at.x)
             if "friction" in name:  # on a line, sliding forces are constant
@@ -232,6 +236,31 @@ def test_laws_and_elements(d, law, elements):
     at = Built(d, "none", "plane", law, order=2, elements=elements)
     for name in ("elastic", "damping", "muscle"):
         check(at, name, *TERMS[name])
+
+
+@pytest.mark.parametrize("elements", ELEMENTS)
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_filtered_hessians_have_the_positive_part_or_the_size_of_each_eigenvalue(d, law, elements):
+    """Of the Hessian over F, which one cell's own shows: sheared, compressed, stretched and uniformly compressed, where
+    the frames of F are not unique.
+    """
+    corners = np.concatenate([np.zeros((1, d)), np.eye(d)])
+    space = LevelSpace(
+        level(corners + 0.1 * np.sin(np.arange(d * d + d)).reshape(-1, d), [range(d + 1)]), MPI.COMM_SELF
+    )
+    term, indefinite = elastic(space, law(3.0, 0.3), elements=elements)[0], 0
+    slopes = np.linalg.inv(np.column_stack([np.ones(d + 1), space.from_input(space.mesh.points)]))[1:]  # of hats
+    K = np.einsum("ab,ji->ajib", np.eye(d), slopes).reshape(d * d, -1)  # from positions to F
+    for strain, stretch in ((0.3, 0.8), (0.1, 0.5), (0.05, 1.4), (0.0, 0.6)):
+        x = state(space, strain, seed=7, stretch=stretch)
+        exact, clamped, whole = (hessian_of(term, space, x, name).toarray() for name in ("none", "clamp", "abs"))
+        values, vectors = np.linalg.eigh(np.linalg.pinv(K).T @ exact @ np.linalg.pinv(K))
+        for found, kept in ((clamped, np.maximum(values, 0.0)), (whole, np.abs(values))):
+            expected = K.T @ (vectors * kept @ vectors.T) @ K
+            np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUND * np.abs(exact).max())
+        indefinite += values[0] < -1e-3 * values[-1]
+    assert indefinite >= 1, "the filter had nothing to do"
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)

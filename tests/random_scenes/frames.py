@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import singledispatch
 
 import numpy as np
 
@@ -50,18 +49,20 @@ class Frame:
         """Simplices (k, n) with the same orientation in a mirror."""
         return simplices if self.hand > 0 else np.ascontiguousarray(simplices[:, [1, 0, *range(2, simplices.shape[1])]])
 
-    def unit(self, mass: int = 0, length: int = 0, time: int = 0) -> float:
-        """What a quantity of these dimensions is multiplied by."""
+    def unit(self, quantity: str) -> float:
+        """What a quantity is multiplied by. Stress and density are per area in 2D."""
+        mass, length, time = {
+            "number": (0, 0, 0),
+            "length": (0, 1, 0),
+            "time": (0, 0, 1),
+            "velocity": (0, 1, -1),
+            "acceleration": (0, 1, -2),
+            "force": (1, 1, -2),
+            "stiffness": (1, 0, -2),
+            "stress": (1, 2 - self.dim, -2),
+            "density": (1, -self.dim, 0),
+        }[quantity]
         return self.mass**mass * self.length**length * self.time**time
-
-    @property
-    def stress(self) -> float:
-        """Of energy per volume: per area in 2D."""
-        return self.unit(1, 2 - self.dim, -2)
-
-    @property
-    def density(self) -> float:
-        return self.unit(1, -self.dim)
 
 
 def seen(scene: pdvol.Scene, frame: Frame) -> pdvol.Scene:
@@ -70,6 +71,31 @@ def seen(scene: pdvol.Scene, frame: Frame) -> pdvol.Scene:
     solver = replace(scene.solver, tolerance=speed(scene.solver.tolerance, frame))
     put_all = {name: tuple(put(item, frame) for item in getattr(scene, name)) for name in parts}
     return replace(scene, dt=frame.time * scene.dt, solver=solver, **put_all)
+
+
+def put(thing, frame: Frame):
+    """A part of a scene from a frame, by the rules of its class."""
+    kind = next(kind for kind in type(thing).__mro__ if kind in RULES)
+    thing = placed(thing) if hasattr(thing, "placement") else thing
+    return replace(thing, **{name: rule(getattr(thing, name), frame) for name, rule in RULES[kind].items()})
+
+
+def placed(thing):
+    """A part of a scene with its placement within its shape."""
+    move = lambda points: thing.placement(np.asarray(points, dtype=float))
+
+    def moved(shape):
+        if isinstance(shape, tuple):
+            return tuple(map(moved, shape))
+        name = "points" if isinstance(shape, Outline) else "vertices"
+        return None if shape is None else replace(shape, **{name: move(getattr(shape, name))})
+
+    if isinstance(thing, pdvol.PointCache):
+        return replace(thing, source=np.array([move(points) for points in thing.source]), placement=pdvol.Placement())
+    return replace(thing, shape=moved(thing.shape), placement=pdvol.Placement())
+
+
+# ---- rules: (value, frame) -> the value from the frame
 
 
 def scaled(value, frame: Frame, by: Callable):
@@ -81,24 +107,37 @@ def scaled(value, frame: Frame, by: Callable):
     return by(value)
 
 
-def vector(value, frame: Frame, factor: float):
-    """A direction with a unit."""
-    return scaled(value, frame, lambda v: tuple(factor * frame.directions(v)))
+def vector(quantity: str) -> Callable:
+    """Of a direction with a unit; nothing stays nothing."""
+    rule = lambda v, frame: tuple(frame.unit(quantity) * frame.directions(v)) if len(v) else ()
+    return lambda value, frame: scaled(value, frame, lambda v: rule(v, frame))
 
 
-def number(value, frame: Frame, factor: float):
-    return scaled(value, frame, lambda each: factor * each)
+def number(quantity: str) -> Callable:
+    return lambda value, frame: scaled(value, frame, lambda each: frame.unit(quantity) * each)
 
 
-def field(value, frame: Frame, factor: float):
-    """A number, or a function of rest positions that gives one each."""
-    if isinstance(value, pdvol.Keyed) or not callable(value):
-        return number(value, frame, factor)
-    return lambda X: factor * value(frame.back(X))
+def field(quantity: str) -> Callable:
+    """Of a number, or a function of rest positions that gives one each."""
+
+    def rule(value, frame):
+        if isinstance(value, pdvol.Keyed) or not callable(value):
+            return number(quantity)(value, frame)
+        return lambda X: frame.unit(quantity) * value(frame.back(X))
+
+    return rule
 
 
-def mask(where: Callable, frame: Frame) -> Callable:
-    return lambda X: where(frame.back(X))
+def each(rule: Callable) -> Callable:
+    return lambda values, frame: tuple(rule(value, frame) for value in values)
+
+
+def optional(rule: Callable) -> Callable:
+    return lambda value, frame: None if value is None else rule(value, frame)
+
+
+def mask(where, frame: Frame):
+    return (lambda X: where(frame.back(X))) if callable(where) else where
 
 
 def timed(times, frame: Frame) -> tuple:
@@ -113,231 +152,112 @@ def speed(value, frame: Frame):
     """A `Relative` one is a fraction of a length in a second."""
     if isinstance(value, pdvol.Relative):
         return pdvol.Relative(value.fraction / frame.time)
-    return frame.unit(0, 1, -1) * value
+    return frame.unit("velocity") * value
 
 
-@singledispatch
-def put(thing, frame: Frame):
-    """A part of a scene from a frame."""
-    raise TypeError(f"{type(thing).__name__} has no rule")
+def point(value, frame: Frame) -> tuple:
+    return tuple(frame.points(np.array([value]))[0])
 
 
-@put.register
-def _(shape: pdvol.Solid, frame):
-    return pdvol.Solid(frame.points(shape.vertices), frame.corners(shape.cells), shape.regions)
+def corners(simplices, frame: Frame):
+    return frame.corners(np.asarray(simplices))
 
 
-@put.register
-def _(shape: pdvol.Surface, frame):
-    return pdvol.Surface(frame.points(shape.vertices), frame.corners(shape.triangles))
-
-
-@put.register
-def _(shape: Outline, frame):
-    return Outline(frame.points(shape.points)[:: frame.hand])
-
-
-def placed(shape, placement: pdvol.Placement, frame: Frame):
-    """A shape where a placement puts it, from a frame."""
-    points = shape.points if isinstance(shape, Outline) else shape.vertices
-    moved = placement(np.asarray(points, dtype=float))
-    old = replace(shape, points=moved) if isinstance(shape, Outline) else replace(shape, vertices=moved)
-    return put(old, frame)
-
-
-@put.register
-def _(body: pdvol.Body, frame):
-    spin = frame.hand * np.asarray(body.spin, dtype=float) / frame.time
-    velocity = body.velocity
-    shape = tuple(placed(each, body.placement, frame) for each in body.shape)
-    if callable(velocity):
-        moving = lambda X: frame.unit(0, 1, -1) * frame.directions(velocity(frame.back(X)))
-    else:
-        moving = vector(velocity, frame, frame.unit(0, 1, -1)) if len(velocity) else ()
-    return replace(
-        body,
-        shape=shape,
-        placement=pdvol.Placement(),
-        material=put(body.material, frame),
-        velocity=moving,
-        spin=float(spin) if spin.ndim == 0 else tuple(frame.directions(spin)) if len(spin) else (),
-        regions=tuple(put(region, frame) for region in body.regions),
-        start=None if body.start is None else lambda X: frame.points(body.start(frame.back(X))),
-    )
-
-
-@put.register
-def _(material: pdvol.Material, frame):
-    return replace(
-        material,
-        young=field(material.young, frame, frame.stress),
-        poisson=field(material.poisson, frame, 1.0),
-        density=field(material.density, frame, frame.density),
-        damping=field(material.damping, frame, frame.time),
-    )
-
-
-@put.register
-def _(region: pdvol.Region, frame):
-    return pdvol.Region(
-        put(region.material, frame), mask(region.where, frame) if callable(region.where) else region.where
-    )
-
-
-# ---- motions
-
-
-@put.register
-def _(motion: pdvol.Still, frame):
-    return motion
-
-
-@put.register
-def _(motion: pdvol.Translation, frame):
-    return pdvol.Translation(vector(motion.velocity, frame, frame.unit(0, 1, -1)), frame.time * motion.stop)
-
-
-@put.register
-def _(motion: pdvol.Rotation, frame):
-    axis = motion.axis if frame.dim == 2 else tuple(frame.directions(motion.axis))
-    centre = tuple(frame.points(np.array([motion.centre]))[0])
-    return pdvol.Rotation(frame.hand * motion.speed / frame.time, centre, axis, frame.time * motion.stop)
-
-
-@put.register
-def _(motion: pdvol.Path, frame):
-    points = [vector(point, frame, frame.length) for point in motion.points]
-    return pdvol.Path(timed(motion.times, frame), points, motion.smooth)
-
-
-@put.register
-def _(motion: pdvol.Sequential, frame):
-    return pdvol.Sequential(tuple(moving(part, frame) for part in motion.motions))
-
-
-@put.register
-def _(motion: pdvol.PointCache, frame):
-    source = np.array([frame.points(motion.placement(np.asarray(points))) for points in motion.source])
-    return replace(
-        motion,
-        source=source,
-        faces=None if motion.faces is None else frame.corners(np.asarray(motion.faces)),
-        times=timed(motion.times, frame),
-        begin=frame.time * motion.begin,
-        placement=pdvol.Placement(),
-    )
+def axis(value, frame: Frame):
+    return value if frame.dim == 2 else tuple(frame.directions(value))
 
 
 def moving(motion, frame: Frame):
-    """A motion of pdvol, or a user's own."""
-    if type(motion) in put.registry:
+    """Of a motion of pdvol, or a user's own."""
+    if type(motion) in RULES:
         return put(motion, frame)
     return lambda X, t: frame.points(motion(frame.back(X), t / frame.time))
 
 
-# ---- surroundings
+def initial(velocity, frame: Frame):
+    if callable(velocity):
+        return lambda X: frame.unit("velocity") * frame.directions(velocity(frame.back(X)))
+    return vector("velocity")(velocity, frame)
 
 
-@put.register
-def _(plane: pdvol.Plane, frame):
-    point = tuple(frame.points(np.array([plane.point]))[0])
-    return replace(plane, point=point, normal=tuple(frame.directions(plane.normal)), motion=moving(plane.motion, frame))
+def spin(value, frame: Frame):
+    value = frame.hand * np.asarray(value, dtype=float) / frame.time
+    return float(value) if value.ndim == 0 else tuple(frame.directions(value)) if len(value) else ()
 
 
-@put.register
-def _(rigid: pdvol.Rigid, frame):
-    shape = placed(rigid.shape, rigid.placement, frame)
-    return replace(rigid, shape=shape, placement=pdvol.Placement(), motion=moving(rigid.motion, frame))
+def start(function, frame: Frame):
+    return lambda X: frame.points(function(frame.back(X)))
 
 
-@put.register
-def _(obstacle: pdvol.Deforming, frame):
-    shape = None if obstacle.shape is None else placed(obstacle.shape, obstacle.placement, frame)
-    return replace(obstacle, shape=shape, placement=pdvol.Placement(), motion=put(obstacle.motion, frame))
-
-
-@put.register
-def _(support: pdvol.Support, frame):
-    where, motion = mask(support.where, frame), moving(support.motion, frame)
-    return replace(support, where=where, motion=motion, release=frame.time * support.release)
-
-
-# ---- loads, muscles, springs, contact
-
-
-@put.register
-def _(load: pdvol.Gravity, frame):
-    return pdvol.Gravity(vector(load.acceleration, frame, frame.unit(0, 1, -2)))
-
-
-@put.register
-def _(load: pdvol.Force, frame):
-    return replace(load, force=vector(load.force, frame, frame.unit(1, 1, -2)), where=mask(load.where, frame))
-
-
-@put.register
-def _(load: pdvol.PointForce, frame):
-    at = tuple(frame.points(np.array([load.at]))[0])
-    return replace(load, force=vector(load.force, frame, frame.unit(1, 1, -2)), at=at)
-
-
-@put.register
-def _(load: pdvol.Impulse, frame):
-    velocity = vector(load.velocity, frame, frame.unit(0, 1, -1))
-    return replace(load, velocity=velocity, time=frame.time * load.time, where=mask(load.where, frame))
-
-
-@put.register
-def _(load: pdvol.Flow, frame):
-    return replace(
-        load, velocity=vector(load.velocity, frame, frame.unit(0, 1, -1)), density=frame.density * load.density
-    )
-
-
-@put.register
-def _(load: pdvol.Pressure, frame):
-    return replace(load, pressure=number(load.pressure, frame, frame.stress))
-
-
-@put.register
-def _(muscle: pdvol.Muscle, frame):
-    return replace(
-        muscle,
-        fibre=tuple(frame.directions(muscle.fibre)),
-        strength=frame.stress * muscle.strength,
-        activation=number(muscle.activation, frame, 1.0),
-        where=mask(muscle.where, frame),
-    )
-
-
-@put.register
-def _(springs: pdvol.Attachment, frame):
-    rest, most = springs.rest_length, springs.breaking
-    return replace(
-        springs,
-        where=mask(springs.where, frame),
-        to=mask(springs.to, frame),
-        stiffness=frame.unit(1, 0, -2) * springs.stiffness,
-        rest_length=None if rest is None else frame.length * rest,
-        breaking=None if most is None else frame.unit(1, 1, -2) * most,
-    )
-
-
-@put.register
-def _(pull: pdvol.Pull, frame):
-    where, *points = map(tuple, frame.points(np.array([pull.where, *pull.points])))
-    stiffness, times = frame.unit(1, 0, -2) * pull.stiffness, timed(pull.times, frame)
-    return pdvol.Pull(pull.body, where, times, points, stiffness, frame.length * pull.radius)
-
-
-@put.register
-def _(barrier: pdvol.Barrier, frame):
-    return replace(barrier, dhat=length(barrier.dhat, frame))
-
-
-@put.register
-def _(friction: pdvol.Friction, frame):
-    return replace(friction, eps_v=speed(friction.eps_v, frame))
+RULES: dict[type, dict[str, Callable]] = {
+    pdvol.Solid: {"vertices": lambda X, frame: frame.points(X), "cells": corners},
+    pdvol.Surface: {"vertices": lambda X, frame: frame.points(X), "triangles": corners},
+    Outline: {"points": lambda X, frame: frame.points(X)[:: frame.hand]},
+    pdvol.Body: {
+        "shape": each(put),
+        "material": put,
+        "velocity": initial,
+        "spin": spin,
+        "regions": each(put),
+        "start": optional(start),
+    },
+    pdvol.Material: {
+        "young": field("stress"),
+        "poisson": field("number"),
+        "density": field("density"),
+        "damping": field("time"),
+    },
+    pdvol.Region: {"material": put, "where": mask},
+    pdvol.Still: {},
+    pdvol.Translation: {"velocity": vector("velocity"), "stop": number("time")},
+    pdvol.Rotation: {
+        "speed": lambda value, frame: frame.hand * value / frame.time,
+        "centre": point,
+        "axis": axis,
+        "stop": number("time"),
+    },
+    pdvol.Path: {"times": timed, "points": each(vector("length"))},
+    pdvol.Sequential: {"motions": each(moving)},
+    pdvol.PointCache: {
+        "source": lambda frames, frame: np.array([frame.points(X) for X in frames]),
+        "faces": optional(corners),
+        "times": timed,
+        "begin": number("time"),
+    },
+    pdvol.Plane: {"point": point, "normal": vector("number"), "motion": moving},
+    pdvol.Rigid: {"shape": put, "motion": moving},
+    pdvol.Deforming: {"shape": optional(put), "motion": put},
+    pdvol.Support: {"where": mask, "motion": moving, "release": number("time")},
+    pdvol.Gravity: {"acceleration": vector("acceleration")},
+    pdvol.Force: {"force": vector("force"), "where": mask},
+    pdvol.PointForce: {"force": vector("force"), "at": point},
+    pdvol.Impulse: {"velocity": vector("velocity"), "time": number("time"), "where": mask},
+    pdvol.Flow: {"velocity": vector("velocity"), "density": number("density")},
+    pdvol.Pressure: {"pressure": number("stress")},
+    pdvol.Muscle: {
+        "fibre": vector("number"),
+        "strength": number("stress"),
+        "activation": number("number"),
+        "where": mask,
+    },
+    pdvol.Attachment: {
+        "where": mask,
+        "to": mask,
+        "stiffness": number("stiffness"),
+        "rest_length": optional(number("length")),
+        "breaking": optional(number("force")),
+    },
+    pdvol.Pull: {
+        "where": point,
+        "times": timed,
+        "points": each(point),
+        "stiffness": number("stiffness"),
+        "radius": number("length"),
+    },
+    pdvol.Barrier: {"dhat": length},
+    pdvol.Friction: {"eps_v": speed},
+}
+"""The rule of each quantity that a frame changes, by class and name."""
 
 
 # ---- from a moving frame

@@ -1,8 +1,9 @@
-"""The same scene with everything in another order."""
+"""The same scene with everything in another order, and on several ranks."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
+import cloudpickle
 import numpy as np
 
 import pdvol
@@ -37,3 +38,9 @@ def shuffled(scene: pdvol.Scene, seed: int) -> tuple[pdvol.Scene, Callable[[int,
 
     obstacles = [scene.obstacles[k] for k in rng.permutation(len(scene.obstacles))]
     return replace(scene, bodies=tuple(bodies[k] for k in order), obstacles=tuple(obstacles)), back
+
+
+def marched(comm, sent: bytes) -> dict[str, np.ndarray]:
+    """The states by level and step; scenes have functions of their own, which cloudpickle carries over."""
+    scene, how = cloudpickle.loads(sent)
+    return {f"{step.level} {step.step}": step.positions for step in pdvol.march(scene, comm=comm, **how)}

@@ -1,5 +1,5 @@
-"""The rules on the last two iterations, as tables: when the matrix is kept, when a solve ends, which steps are
-lengthened.
+"""The rules on the last two iterations, as tables: when the matrix is kept, when a solve ends, which projection
+comes next, and which steps are lengthened.
 """
 
 from types import SimpleNamespace
@@ -10,15 +10,20 @@ import pytest
 from pdvol.solve.iteration import (
     CANCELLATION,
     CONTRACTING,
+    SAME_DIRECTION,
     SHORT,
     Iteration,
+    fraction_kept,
     is_at_rounding,
     keeps_matrix,
+    lengthening,
+    next_projection,
     step_factor,
     stops,
 )
 
 TOLERANCE = 1e-3  # m/s
+MOST = 1.0 / (1.0 - SAME_DIRECTION)
 
 
 def iteration(speed=TOLERANCE, **changes) -> Iteration:
@@ -80,9 +85,6 @@ def test_the_matrix_is_kept_near_the_minimum(last, before, kept):
 )
 def test_a_solve_may_end_after_a_full_step_below_the_tolerance_or_at_round_off(last, before, why):
     assert stops(last, before, TOLERANCE) == why
-
-
-def test_round_off_is_relative_to_what_cancels_in_the_energy():
     assert is_at_rounding(-0.9 * CANCELLATION, 1.0) and not is_at_rounding(-1.1 * CANCELLATION, 1.0)
 
 
@@ -105,3 +107,37 @@ def test_only_steps_by_projected_hessians_are_lengthened(changes, last, factor):
         **changes,
     }
     assert step_factor(**arguments, last=last, total=lambda a: a) == pytest.approx(factor)
+
+
+def test_the_actual_decrease_chooses_the_projection():
+    """But after a cut step, and where nothing would notice an indefinite matrix."""
+    for kept, mode in ((1.0, "clamp"), (0.6, "clamp"), (0.4, "abs"), (-0.1, "abs"), (1.5, "none")):
+        assert next_projection(kept, full=True, detects_indefinite=True) == mode
+    for full, detects in ((False, True), (True, False)):
+        assert next_projection(2.0, full=full, detects_indefinite=detects) == "clamp"
+
+
+def test_the_promise_is_the_quadratic_models():
+    """Along d of a quadratic with slope -d'Hd: -(t - t^2 / 2) d'Hd, t the fraction taken."""
+    d = np.array([[1.0, -2.0], [0.5, 3.0]])
+    last = SimpleNamespace(start=SimpleNamespace(owned=np.ones_like(d)), direction=d, slope=-4.0, energy=7.0)
+    for part in (0.1, 0.5, 1.0):
+        end = SimpleNamespace(owned=1.0 + part * d)
+        fell = 0.3 * 4.0 * (part - part**2 / 2)
+        np.testing.assert_allclose(fraction_kept(last, end, 7.0 - fell, lambda a: a), 0.3)
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0, 4.0])
+@pytest.mark.parametrize(
+    "stiffness, expected", [(0.1, 10.0), (0.4, 2.5), (0.6, 1.0), (1.0, 1.0), (0.01, MOST), (0.0, MOST), (-0.3, MOST)]
+)
+def test_a_step_that_repeats_the_last_one_goes_to_the_end_of_the_series(share, stiffness, expected):
+    """Where the potential has so much of the model's stiffness along d, the step after t d is (1 - t stiffness) d."""
+    d = np.array([[1.0, -2.0], [0.5, 3.0]])
+    left = 1.0 - share * stiffness
+    if left <= 0.0:
+        assert lengthening(left * d, d, share * d, lambda a: a) == 1.0
+    else:
+        np.testing.assert_allclose(lengthening(left * d, d, share * d, lambda a: a), expected)
+    other = np.array([[2.0, 1.0], [0.0, 0.0]])  # across: others keep their length
+    assert lengthening(0.9 * d + other, d, d, lambda a: a) == lengthening(0.9 * d, d, 0.0 * d, lambda a: a) == 1.0

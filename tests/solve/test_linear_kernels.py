@@ -1,18 +1,21 @@
-"""The compiled parts of the linear solver against dense algebra, in 2D and 3D."""
+"""The compiled parts of the linear solver against dense algebra, in 2D and 3D, and on ranks."""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from scipy.sparse import csr_array
 
+from on_ranks import results_on
 from pdvol.compiled import ffi, pointer
-from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
 from pdvol.native import library
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
+from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import COARSE_DIAGONAL_SHIFT, COARSE_VERTICES, CoarseSpace, grid_weights
+from pdvol.solve.linear.solver import LINEAR_METHODS, LinearSolver
 from pdvol.solve.linear.system_matrix import SystemMatrix
-from shapes import box, together
+from shapes import box, grid, together
 from springs import dense, springs
 from taylor import whole_matrix
 
@@ -112,22 +115,6 @@ def test_petscs_matrix_follows_pairs_that_come_and_go(space, general):
 # ---- the incomplete factor
 
 
-def test_the_factor_of_a_chain_is_exact():
-    """Without fill to drop R' R is A: bodies of one cell each, their vertices coupled with each other alone."""
-    for d in (2, 3):
-        corners = np.concatenate([np.zeros((1, d)), np.eye(d)])
-        points = np.concatenate([corners + 3.0 * k for k in range(4)])
-        cells = np.arange(len(points), dtype=np.int32).reshape(4, d + 1)
-        space = LevelSpace(LevelMesh(points, cells, np.arange(4, dtype=np.int32), np.zeros(4, dtype=np.int32)), COMM)
-        blocks = springs(space, pairs=False)
-        system = assembled(space, blocks)
-        factor, tries = factored(system)
-        r = np.random.default_rng(1).standard_normal((space.n_owned, d))
-        expected = np.linalg.solve(dense(space, blocks), r.ravel()).reshape(r.shape)
-        np.testing.assert_allclose(applied(system, r), expected, rtol=0.0, atol=SINGLE * np.abs(expected).max())
-        assert tries == 1
-
-
 def reference(matrix, d, pattern):
     """(R' R) of the incomplete factorization by blocks without fill, in dense arithmetic and double precision."""
     n = len(matrix) // d
@@ -201,9 +188,7 @@ def test_a_factor_that_breaks_down_is_shifted():
 
 def test_an_indefinite_diagonal_block_has_no_factor(space):
     blocks = springs(space)
-    masses = np.zeros((space.n_owned, space.dim))
-    masses[3] = -1e4
-    blocks.add_masses(masses)
+    blocks.add_masses(np.where(np.arange(space.n_owned)[:, None] == 3, -1e4, 0.0) * np.ones(space.dim))
     assert factored(assembled(space, blocks))[1] == -1
 
 
@@ -254,6 +239,14 @@ def test_conjugate_gradients_notice_an_indefinite_matrix(space):
 # ---- the coarse space
 
 
+def corrected(system, coarse, residual):
+    """(n, 4) the coarse correction of a residual (n, 4)."""
+    d, z = system.space.dim, np.zeros(residual.shape, dtype=np.float32)
+    room = np.zeros(coarse.size * d + system.compiled.width)
+    library[d].add_coarse_correction(system.compiled, pointer(residual), pointer(room), pointer(z, "float"))
+    return z
+
+
 def test_the_coarse_correction_is_galerkins(space):
     """P (P'AP)^-1 P' r against numpy, pairs included, and nothing at supported vertices."""
     supported = np.arange(space.n_owned) % 4 == 0
@@ -271,8 +264,7 @@ def test_the_coarse_correction_is_galerkins(space):
     G[np.diag_indices(len(G))] *= 1.0 + COARSE_DIAGONAL_SHIFT
     r = np.zeros((space.n_owned, 4))
     r[:, :d] = np.random.default_rng(3).standard_normal((space.n_owned, d))
-    z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * d + system.compiled.width)
-    library[d].add_coarse_correction(system.compiled, pointer(r), pointer(room), pointer(z, "float"))
+    z = corrected(system, coarse, r)
     expected = P @ np.linalg.solve(G, P.T @ r[:, :d].ravel())
     np.testing.assert_allclose(z[:, :d].ravel(), expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
 
@@ -287,12 +279,7 @@ def test_dependent_coarse_nodes_do_no_harm(space):
         coarse = CoarseSpace(space, csr_array(P.astype(float)), system.all_supported)
         assert coarse.update(system.rows)
         coarse.give(system.compiled)
-        z, room = (
-            np.zeros((space.n_owned, 4), dtype=np.float32),
-            np.zeros(coarse.size * space.dim + system.compiled.width),
-        )
-        residual = np.ones((space.n_owned, 4))
-        library[space.dim].add_coarse_correction(system.compiled, pointer(residual), pointer(room), pointer(z, "float"))
+        z = corrected(system, coarse, np.ones((space.n_owned, 4)))
         assert np.isfinite(z).all() and 0.0 < np.abs(z).max() < 1e3
 
 
@@ -315,27 +302,78 @@ def test_grid_weights_reproduce_affine_fields_body_by_body(d):
     np.testing.assert_allclose(weights @ nodes, mesh.points, atol=1e-12)
 
 
-@pytest.mark.parametrize("d, n", [(2, 12), (2, 40), (3, 5), (3, 12)])
-def test_a_grid_has_about_as_many_nodes_as_the_vertices_ask_for(d, n):
-    mesh = box(d, n)
-    wanted = COARSE_VERTICES * len(mesh.points) ** 0.5
-    assert wanted / 3 <= grid_weights(mesh).shape[1] <= wanted
+def test_a_grid_has_about_as_many_nodes_as_the_vertices_ask_for():
+    """However many bodies there are; a body that fills little of its box, as a ring of cells does, gets a finer one."""
+    wanted = lambda mesh: COARSE_VERTICES * len(mesh.points) ** 0.5
+    for d, n in ((2, 12), (2, 40), (3, 5), (3, 12)):
+        mesh = box(d, n)
+        assert wanted(mesh) / 3 <= grid_weights(mesh).shape[1] <= wanted(mesh)
+    for bodies in (2, 9, 40):
+        mesh = together(*(box(3, 2, low=2.0 * k, high=2.0 * k + 1.0) for k in range(bodies)))
+        assert grid_weights(mesh).shape[1] <= max(wanted(mesh), bodies)
+    ring = grid(*[np.linspace(0.0, 1.0, 41)] * 2, keep=lambda i, j: not (2 <= i < 38 and 2 <= j < 38))
+    assert grid_weights(ring).shape[1] >= 0.6 * wanted(ring)
 
 
-@pytest.mark.parametrize("bodies", [2, 9, 40])
-def test_the_number_of_nodes_follows_the_vertices_however_many_bodies_there_are(bodies):
-    mesh = together(*(box(3, 2, low=2.0 * k, high=2.0 * k + 1.0) for k in range(bodies)))
-    wanted = COARSE_VERTICES * len(mesh.points) ** 0.5
-    assert grid_weights(mesh).shape[1] <= max(wanted, bodies)
+# ---- on ranks
 
 
-def test_a_body_that_fills_little_of_its_box_gets_a_finer_grid():
-    """A ring of cells, as many vertices as a full square has."""
-    ring = box(2, 40)
-    middle = np.abs(ring.points[ring.cells].mean(axis=1) - 0.5).max(axis=1) < 0.45
-    cells = ring.cells[~middle]
-    used, corners = np.unique(cells, return_inverse=True)
-    zeros = np.zeros(len(cells), dtype=np.int32)
-    mesh = LevelMesh(ring.points[used], corners.reshape(-1, 3).astype(np.int32), zeros, zeros)
-    wanted = COARSE_VERTICES * len(mesh.points) ** 0.5
-    assert grid_weights(mesh).shape[1] >= 0.6 * wanted
+def multiply_and_solve(comm, d):
+    space = LevelSpace(box(d, 5, jitter=0.1, seed=1), comm)
+    field = np.random.default_rng(3).standard_normal(space.mesh.points.shape)
+    system = SystemMatrix(space, space.owned_points % 7 == 0)
+    right, solution, results = space.create_vector(), space.create_vector(), {}
+    right.setArray(space.from_input(field).ravel())
+    whole = lambda vector: space.to_input(vector.getArray().reshape(-1, d))
+    for pairs in (True, False):  # couplings between ranks change
+        system.assemble(springs(space, mass=0.1, pairs=pairs))
+        system.shell.mult(right, solution)
+        results[f"product {pairs}"] = whole(solution)
+        for method in LINEAR_METHODS:
+            made = LinearSolver(
+                PETSc.KSP().create(comm),
+                Solver(linear=method, linear_rtol=1e-11),
+                lambda: [CoarseSpace(space, grid_weights(space.mesh), system.all_supported)],
+            )
+            made.set_matrix(system)
+            made.solve(right, solution)
+            assert made.method == method
+            results[f"{method} {pairs}"] = whole(solution)
+    return results
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("d, ranks", [(2, 2), (3, 2), pytest.param(3, 3, marks=pytest.mark.slow)])
+def test_products_and_solves_on_one_rank_and_more_agree(d, ranks):
+    one, more = results_on((1, ranks), multiply_and_solve, d)
+    for pairs in (True, False):
+        product, direct = one[f"product {pairs}"], one[f"direct {pairs}"]
+        np.testing.assert_allclose(more[f"product {pairs}"], product, rtol=0.0, atol=1e-12 * np.abs(product).max())
+        for results in (one, more):
+            for method in LINEAR_METHODS:
+                found = results[f"{method} {pairs}"]
+                np.testing.assert_allclose(found, direct, rtol=0.0, atol=1e-7 * np.abs(direct).max())
+
+
+def count_iterations(comm, d):
+    space = LevelSpace(box(d, 12 if d == 2 else 6, jitter=0.1, seed=1), comm)
+    field = np.random.default_rng(3).standard_normal(space.mesh.points.shape)
+    system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
+    found = {}
+    for stiff in (1.0, 1e2):
+        system.assemble(springs(space, stiff=stiff))
+        system.factor_incompletely()
+        found[str(stiff)] = np.array(system.solve(space.from_input(field).ravel().copy(), 1e-6, 500)[1:])
+    return found
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("d", [2, 3])
+def test_couplings_between_ranks_cost_few_iterations(d):
+    """A stiff one, as a contact is, too: factors of each rank's own rows alone take 3.5 to 5 times as many."""
+    one, two, three = results_on((1, 2, 3), count_iterations, d)
+    for stiff in one:
+        reason, iterations = one[stiff]
+        assert reason > 0 and iterations > 5
+        for more in (two, three):
+            assert more[stiff][0] == reason and more[stiff][1] < 1.75 * iterations
