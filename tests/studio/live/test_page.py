@@ -110,6 +110,7 @@ def test_a_hand_holds_what_it_is_asked_to_and_needs_a_take(asked, tmp_path):
         hand_message('[{"number": 1, "body": "a", "place": [0, 0, 0], "point": [1e999, 0, 0]}]'),
         hand_message('[{"number": 1, "body": "a", "place": [0, 0, 0], "point": "here"}]'),
         hand_message('[{"number": 1, "body": "a"}]'),
+        hand_message('[{"number": 1, "body": "a", "place": [0], "point": [0, 0, 0]}]'),
         hand_message('[{"number": 1e999, "body": "a", "place": [0, 0, 0], "point": [0, 0, 0]}]'),
         hand_message(json.dumps([HELD] * 1000)),
         hand_message("3"),

@@ -1,7 +1,5 @@
 """Takes: runs that a hand directs, without a page."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from cli_scenes import FALL, pdvol, write
 from live_page import until
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
-from pdvol.studio.live.channel import MOST_FINGERS, Channel
 from pdvol.studio.live.session import MOST_RUNS, Session
 
 PLAYED = 15  # steps of a take
@@ -126,24 +123,3 @@ def test_a_take_goes_on_from_a_step_that_only_level_0_has_reached(session, monke
         step = take.steps - 1
     assert "step 0" not in take.note and step > 0
     end(session, take)
-
-
-WRONG = [
-    [{"number": 1, "body": "square", "place": [0.0, 1.0]}],
-    [{"number": 1, "body": "square", "place": [0.0, float("nan")], "point": [0.0, 0.0]}],
-    [{"number": 1, "body": "square", "place": [0.0, 1.0], "point": [float("inf"), 0.0]}],
-    [{"number": 1, "body": "square", "place": [0.0], "point": [0.0, 0.0]}],
-    [{"number": 1, "body": "square", "place": [0.0, 1.0], "point": [0.0, 0.0]}] * (MOST_FINGERS + 1),
-    [3],
-]
-
-
-@pytest.mark.parametrize("pulls", WRONG)
-def test_a_hand_keeps_what_it_holds_where_the_next_is_wrong(tmp_path, pulls):
-    hand = Channel(tmp_path / "1.hand")
-    hand.hold([{"number": 2, "body": "square", "place": [0.0, 1.0], "point": [0.25, 0.5]}], {"door": [1, 2]}, 3)
-    before = hand.file.read_text()
-    with pytest.raises((InputError, KeyError, TypeError)):
-        hand.hold(pulls, {})
-    assert hand.file.read_text() == before
-    assert json.loads(before)["sample"] == 3
