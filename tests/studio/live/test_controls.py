@@ -37,8 +37,8 @@ TYPED = FALL.replace(
     ],
 )
 def test_each_parameter_has_the_control_of_its_kind(tmp_path, settings, vary, made):
-    """Kind, value, ends, step and choices, from what is given, annotations and values, in this order. An annotation that
-    names nothing is left.
+    """Kind, value, ends, step and choices, from what is given, annotations and values, in this order. Annotations that
+    name nothing are left.
     """
     found = {control.name: control for control in controls(write(tmp_path / "typed.py", TYPED), settings, vary)}
     assert list(found)[:3] == ["young", "height", "mu"]
