@@ -7,7 +7,7 @@ import runs
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.draw.camera import VIEW_ANGLE, cameras_of_run, content_of_run, smoothed_path
-from pdvol.studio.draw.framing import core_box, framed_points, in_scene, outermost
+from pdvol.studio.draw.framing import core_box, framed_points, in_scene
 from pdvol.studio.draw.views import STANDARD_VIEW, View, read_view
 from shapes import together
 
@@ -90,14 +90,6 @@ def test_obstacles_are_framed_where_they_are_near(obstacles, axis, high):
     assert framed_points(*row(2, 1.0), obstacles)[:, axis].max() == pytest.approx(high)
 
 
-def test_the_outermost_points_of_a_ball_frame_it():
-    ball, directions = (np.random.default_rng(seed).normal(size=(n, 3)) for seed, n in ((3, 20000), (4, 500)))
-    ball /= np.linalg.norm(ball, axis=1)[:, None]
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    kept = outermost(ball)
-    assert len(kept) < 200 and (kept @ directions.T).max(axis=0).min() > 0.96
-
-
 # ---- views
 
 
@@ -135,20 +127,17 @@ def test_all_content_is_within_the_picture_from_every_side(solid_run, name, towa
         assert depth.min() > 0 and 0.8 < max(abs(x).max(), abs(y).max()) <= 1.0
 
 
-@pytest.mark.parametrize("place", [(-4, -6, 3), (0, 0, 9)])
-def test_a_position_and_a_target_are_the_cameras(solid_run, place):
+def test_a_position_and_a_target_are_the_cameras_and_a_flat_scene_has_one_view(solid_run, flat_run):
     run = open_run(solid_run)
-    (camera,) = cameras_of_run(run, run.levels, [2], View(position=place, target=(0, 0, 1)))
-    assert np.allclose(camera.position, place) and np.allclose(camera.focus, (0, 0, 1))
-    assert abs(camera.right[2]) < 1e-12 and (camera.up[2] > 0.8 or place[0] == 0), "upright"
-    assert np.linalg.det(np.column_stack([camera.right, camera.up, camera.towards])) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("view", ["side", "top", "0,0,3:0,0,0"])
-def test_a_flat_scene_has_one_view(flat_run, view):
+    for place in ((-4, -6, 3), (0, 0, 9)):
+        (camera,) = cameras_of_run(run, run.levels, [2], View(position=place, target=(0, 0, 1)))
+        assert np.allclose(camera.position, place) and np.allclose(camera.focus, (0, 0, 1))
+        assert abs(camera.right[2]) < 1e-12 and (camera.up[2] > 0.8 or place[0] == 0), "upright"
+        assert np.linalg.det(np.column_stack([camera.right, camera.up, camera.towards])) == pytest.approx(1.0)
     run = open_run(flat_run)
-    with pytest.raises(InputError, match="2D"):
-        cameras_of_run(run, run.levels, [0], read_view(view))
+    for view in ("side", "top", "0,0,3:0,0,0"):
+        with pytest.raises(InputError, match="2D"):
+            cameras_of_run(run, run.levels, [0], read_view(view))
     assert len(cameras_of_run(run, run.levels, [0, 3], read_view("follow:left", 30.0))) == 2
 
 

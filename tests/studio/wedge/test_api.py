@@ -1,6 +1,5 @@
 """`pdvol.wedge` from a script."""
 
-import numpy as np
 import pytest
 
 import pdvol
@@ -33,23 +32,12 @@ def test_a_function_s_variations_are_rows_and_failures_have_reasons(made):
     assert rows[0]["right"] > rows[1]["right"] and "floor" in rows[2]["state"]
     assert rows[0]["velocity"] == "(0.6,0.0)" and rows[0]["height"] == "0.02" and rows[0]["cluster"] == "group A"
     assert made.run(rows[0]["number"]).levels[0].steps == STEPS + 1
+    page = made._repr_html_()
+    assert page.count("<img") == 2 and page.count("<tr>") == 5 and "floor" in page, "a picture for each run"
     with pytest.raises(pdvol.InputError, match="failed"):
         made.run(rows[3]["number"])
     with pytest.raises(pdvol.InputError, match="no variation 9"):
         made.run(9)
-
-
-def test_a_notebook_gets_a_picture_for_each_run(made):
-    page = made._repr_html_()
-    assert page.count("<img") == 2 and page.count("<tr>") == 5 and "floor" in page
-    assert len(np.unique(np.asarray(made.sheet()).reshape(-1, 3), axis=0)) > 20
-
-
-def test_a_picked_run_is_refined(made, tmp_path):
-    number = made.table[0]["number"]
-    run = made.pick(number, tmp_path / "picked", to=1)
-    assert [level.steps for level in run.levels] == [STEPS + 1] * 2
-    assert states(tmp_path / "picked", 0) == states(made.run(number).path, 0)
 
 
 def test_a_file_s_variations_are_those_of_the_function(made, tmp_path):
@@ -60,7 +48,8 @@ def test_a_file_s_variations_are_those_of_the_function(made, tmp_path):
     assert [row["right"] for row in other.table] == [row["right"] for row in made.table[:2]]
     assert (tmp_path / "w" / "wedge.json").exists()
     run = other.pick(0, tmp_path / "picked", to=1)
-    assert len(run.levels) == 2
+    assert [level.steps for level in run.levels] == [STEPS + 1] * 2
+    assert states(run.path, 0) == states(other.run(0).path, 0)
 
 
 def test_mistakes_are_named(scene):
