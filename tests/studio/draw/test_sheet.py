@@ -92,34 +92,25 @@ def test_sheets_of_1_to_100_tiles(count, aspect):
     assert len(corners) == count and max(y for _, y in corners) + grid.picture[1] + grid.below <= height
 
 
-def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
-    tiles = [Tile(str(i), [], open_run(flat_run)) for i in range(12)]
-    near = shared_camera(tiles).half_height
-    shutil.copytree(flat_run, tmp_path / "stray")
-    folder = tmp_path / "stray" / "levels" / "1"
-    runs.put_state(folder, 6, runs.states_of(folder).read(6) + [1000.0, 0.0])
-    stray = Tile("stray", [], open_run(tmp_path / "stray"))
-    assert shared_camera([*tiles, stray]).half_height < 1.5 * near
-    assert shared_camera([stray]).half_height > 50 * near
-
-
-def test_a_body_that_a_score_names_is_in_the_picture_of_every_tile(tmp_path, flat_run):
+def test_one_stray_does_not_make_all_small_but_a_body_that_a_score_names_is_in_each_picture(tmp_path, flat_run):
     """The throw that goes furthest is the best one, and one of ten."""
-    shutil.copytree(flat_run, tmp_path / "far")
-    runs.put_state(tmp_path / "far" / "levels" / "1", 6, open_run(flat_run).levels[1].positions(6) + [9.0, 0.0])
-    paths = [*[flat_run] * 9, tmp_path / "far"]
+    for name, way in (("stray", 1000.0), ("far", 9.0)):
+        shutil.copytree(flat_run, tmp_path / name)
+        folder = tmp_path / name / "levels" / "1"
+        runs.put_state(folder, 6, runs.states_of(folder).read(6) + [way, 0.0])
+    tiles = [Tile(str(i), [], open_run(flat_run)) for i in range(12)]
+    near, stray = shared_camera(tiles).half_height, Tile("stray", [], open_run(tmp_path / "stray"))
+    assert shared_camera([*tiles, stray]).half_height < 1.5 * near < 50 * near < shared_camera([stray]).half_height
     entries = [
         {"number": i, "changes": {}, "scores": {'far("right")': i}, "state": "done", "reason": "", "cluster": -1}
         for i in range(10)
     ]
-    drawn = result_tiles(entries, [open_run(path) for path in paths])
+    drawn = result_tiles(entries, [open_run(path) for path in [*[flat_run] * 9, tmp_path / "far"]])
     camera, level = shared_camera(drawn), drawn[-1].run.levels[1]
     right = level.positions(6)[level.mesh.point_bodies == 1]
     assert np.abs((right - camera.focus[:2]) @ camera.right[:2]).max() < camera.half_height * camera.aspect
     assert scored_bodies(['upright("a")', "meets('b', \"floor\")"], ["a", "b", "c"]) == ["a", "b"]
-    assert (
-        scored_bodies(['upright("a")', "quiet()"], ["a", "b", "c"]) == ["a", "b", "c"] and scored_bodies([], "ab") == []
-    )
+    assert scored_bodies(['upright("a")', "quiet()"], "abc") == ["a", "b", "c"] and scored_bodies([], "ab") == []
 
 
 @pytest.mark.parametrize(
