@@ -1,10 +1,7 @@
 """Studies in a short form. Their mistakes are in test_rows.py."""
 
-import json
 import shutil
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from benchmarks.ablation import __main__ as ablation
@@ -15,7 +12,6 @@ from benchmarks.divergence import __main__ as divergence
 from benchmarks.fronts import __main__ as fronts
 from benchmarks.hertz import __main__ as hertz
 from benchmarks.live import __main__ as live
-from benchmarks.methods import __main__ as methods
 from benchmarks.preview import page, shots
 from benchmarks.time_order import __main__ as time_order
 from browser import CHROMIUM
@@ -24,7 +20,6 @@ from pdvol.integrate.stepper import Stepper
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.friction import LaggedFriction
 from pdvol.solve import newton
-from shapes import box
 
 
 def test_a_rule_that_is_switched_off_costs_iterations_and_comes_back(monkeypatch):
@@ -136,38 +131,3 @@ def test_files_of_a_commit_are_read_without_git(tmp_path):
     found.write(commit, ("forms",), tmp_path / "out")
     written = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.py")}
     assert written == {path for path in texts if path.startswith("forms/") and path.endswith(".py")}
-
-
-def test_crossings_and_vertices_behind_planes():
-    def judged(cells, states, *obstacles):
-        level = SimpleNamespace(rest=states[0], cells=cells, bodies=np.zeros(len(cells), int), steps=len(states))
-        level.positions = states.__getitem__
-        found = methods.states(level, obstacles)
-        return found["crossing_states"], found["crossing_pairs"]
-
-    points, cells = box(2, 1).points, box(2, 1).cells
-    both, joined = np.vstack([points, points + [2.0, 0.0]]), np.vstack([cells, cells + 4])
-    # a corner of the second square within the first: two pairs of edges cross
-    over = both - np.repeat([[0.0, 0.0], [1.5, 0.3]], 4, axis=0)
-    assert judged(joined, [both, over, over]) == (2, 4)
-    ground = SimpleNamespace(kind="plane", plane=lambda step: (np.array([0.0, 0.1 * step]), np.array([0.0, 1.0])))
-    assert judged(cells, [points + [0.0, 0.05]] * 2, ground) == (1, 2)  # two corners lie below 0.1 m
-
-
-@pytest.mark.slow
-def test_methods_are_compared(tmp_path, capsys):
-    words = ["slit_array", "--levels", "2", "--steps", "2", "--out", str(tmp_path)]
-    assert methods.main(words) == 0
-    out = capsys.readouterr().out
-    assert out.count("| progressive, consistency ") == 6 and (tmp_path / "slit_array.md").read_text() in out
-    result = json.loads((tmp_path / "slit_array.json").read_text())
-    ties = [case["settings"]["consistency"] for case in result["cases"]]
-    assert ties == pytest.approx([0.0, 4e-5, 0.025, 0.2, 0.4, 0.6])
-    for case in result["cases"]:
-        assert [level["states"] for level in case["levels"]] == [3, 3] and case["levels"][1]["crossing_pairs"] == 0
-    for name in ("slit_array_sweep.png", "slit_array_curves.png"):
-        assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
-    written = {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("states.bin")}
-    assert methods.main(words) == 0  # finished runs are taken as they are
-    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("states.bin")} == written
-    assert methods.main([*words[:-1], "/proc/nowhere"]) == 2

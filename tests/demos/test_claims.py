@@ -28,7 +28,7 @@ BY_NAME = {entry.name: entry for entry in ENTRIES}
 @pytest.mark.parametrize(
     "entry", [pytest.param(e, id=e.name, marks=() if e.name in QUICK else pytest.mark.slow) for e in ENTRIES]
 )
-def test_the_claim_holds_on_small_levels_and_costs_are_kept(entry, tmp_path):
+def test_the_claim_holds_on_small_levels(entry, tmp_path):
     stored = simulate_small(entry, tmp_path / "run")
     assert [level.steps for level in stored.levels] == [stored.info["steps"] + 1] * 2
     assert verify_run(tmp_path / "run") == []
@@ -36,7 +36,7 @@ def test_the_claim_holds_on_small_levels_and_costs_are_kept(entry, tmp_path):
     assert touching == [entry.name not in WITHOUT_CONTACT] * 2
     found = claims(entry, stored)
     assert found and [sentence for sentence, holds in found if not holds] == []
-    assert read_costs(entry, tmp_path) == {}
+    assert read_costs(entry, tmp_path) == {}, "costs are kept from here on"
     made = {"commits": ["57d0d06" + "0" * 33, "0a4d02b" + "1" * 33]}
     write_costs(stored, stored, made, {"commits": ["886b61d" + "2" * 33]}, tmp_path / f"{entry.name}.json")
     kept = read_costs(entry, tmp_path)

@@ -156,17 +156,18 @@ def test_moduli_of_2d_scenes_are_those_of_a_thin_sheet(write, tmp_path):
     np.testing.assert_allclose(simplex_volumes(body.shape[0].vertices, body.shape[0].cells), 1 / 32)
 
 
-def test_levels_are_uniform_refinements(write):
+def test_common_files_are_inherited_key_by_key_and_levels_are_refinements(write, tmp_path):
     shapes = load_shot(write(geometry__0__n_refs=1), {"levels": 2}).scene.bodies[0].shape
     assert [len(s.cells) for s in shapes] == [48, 384]
-
-
-def test_common_files_are_inherited_key_by_key(write, tmp_path):
     (tmp_path / "base.json").write_text(json.dumps({"contact": {"epsv": 0.5, "dhat": 7}, "units": {"length": "m"}}))
     barrier, friction = load_shot(write(common="base.json")).scene.contact
     assert (barrier.dhat, friction.eps_v) == (0.01, 0.5)
     with pytest.raises(InputError, match="circle"):
         load_shot(write(common="shot.json"))
+    for text in ("", "[1]", "{", '{"a": NaN'):
+        (tmp_path / "shot.json").write_text(text)
+        with pytest.raises(InputError):
+            load_shot(tmp_path / "shot.json")
 
 
 @pytest.mark.parametrize("relative", [False, True])
@@ -256,13 +257,6 @@ def test_each_lack_has_its_line_and_nothing_is_written(write, tmp_path, capfd):
     assert len(refused) == 3
     for place in ("space.discr_order = 2", 'time.integrator = "BDF5"', "contact.periodic = true"):
         assert sum(place in line for line in refused) == 1, err
-
-
-@pytest.mark.parametrize("text", ["", "[1]", "{", '{"a": NaN'])
-def test_files_that_are_no_scene(text, tmp_path):
-    (tmp_path / "shot.json").write_text(text)
-    with pytest.raises(InputError):
-        load_shot(tmp_path / "shot.json")
 
 
 def test_a_cube_comes_to_rest_on_an_obstacle(write, tmp_path, capfd):

@@ -24,10 +24,10 @@ class Played(SimpleNamespace):
     def __init__(self, run, hand):
         stored = open_run(run)
         stored.hand = None
+        words = dict.fromkeys(("note", "reason", "lasting", "remark"), "")
         take = SimpleNamespace(number=1, stored=stored, steps=stored.levels[0].steps, branch=None, values={}, hand=hand)
-        take.state, take.note, take.reason, take.lasting, take.kept, take.first_state = "running", "", "", "", None, 0.1
-        take.remark = ""
-        take.running, take.level_0_ended, take.levels_with = True, False, lambda step: 1
+        vars(take).update(words, state="running", kept=None, first_state=0.1, running=True, level_0_ended=False)
+        take.levels_with = lambda step: 1
         super().__init__(shown=take, current=take, playing=take, takes=[take], paused=False, values={})
 
     def tick(self):
