@@ -42,6 +42,7 @@ def test_each_parameter_has_the_control_of_its_kind(tmp_path, settings, vary, ma
     """
     found = {control.name: control for control in controls(write(tmp_path / "typed.py", TYPED), settings, vary)}
     assert list(found)[:3] == ["young", "height", "mu"]
+    assert found["velocity"].text == "(0.3,0.0)" and found["label"].text == "x"
     for name, expected in made.items():
         one = found[name]
         values = one.kind, one.value, one.low, one.high, one.step, one.choices

@@ -304,3 +304,17 @@ def test_a_frame_of_ten_thousand_vertices_leaves_the_processor_idle(player, tmp_
       return found.sort((a, b) => a - b)[30];
     }""")
     assert seconds < FRAME_BUDGET / 3
+
+
+def test_the_frame_of_a_notebook_plays(solid_run, tab, tmp_path):
+    frame = open_run(solid_run).play(700, 480, levels=[1])
+    (tmp_path / "cell.html").write_text(f"<!DOCTYPE html><body style='margin:0'>{frame._repr_html_()}</body>")
+    tab.open(tmp_path / "cell.html")
+    inside = tab.page.frame_locator("iframe")
+    inside.locator("body[data-ready]").wait_for()
+    inside.get_by_role("slider", name="time").fill("3")
+    inside.get_by_label("colour").select_option("strain")
+    tab.page.wait_for_timeout(200)
+    picture = tab.picture("iframe")
+    assert picture.shape == (480, 700, 3) and busy(picture[60:300]) > 0.05
+    assert tab.complaints == [] and tab.requests == []

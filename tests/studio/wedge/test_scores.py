@@ -118,12 +118,8 @@ def test_quiet_is_the_speed_of_the_last_tenth(tmp_path):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_largest_stretch_is_that_of_all_times(tmp_path, dim):
-    def motion(x, t, body):
-        stretch = np.ones(dim)
-        stretch[0] += (1 - body) * 0.5 * np.sin(np.pi * t)
-        return turned(x * stretch, t)
-
-    run = made(tmp_path / "run", motion, dim)
+    stretched = lambda t, body: 1.0 + np.eye(dim)[0] * (1 - body) * 0.5 * np.sin(np.pi * t)
+    run = made(tmp_path / "run", lambda x, t, body: turned(x * stretched(t, body), t), dim)
     assert largest_stretch("a")(run) == pytest.approx(1.5)
     assert largest_stretch("b")(run) == pytest.approx(1.0)
     assert chosen_scores(["-largest_stretch()"], None)["-largest_stretch()"](run) == pytest.approx(-1.5)

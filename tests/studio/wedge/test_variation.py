@@ -32,6 +32,8 @@ def test_folders_have_names_of_their_own_without_special_characters():
     assert len(set(names)) == len(names)
     assert all(set(name) <= set("abcdefghijklmnopqrstuvwxyz0123456789.-_+e") for name in names)
     one, other = (Variation.of({"dt": dt}) for dt in (1 / 240, math.nextafter(1 / 240, 1.0)))
+    assert [Variation.from_json(each.as_json()) for each in SEVERAL] == SEVERAL
+    assert SEVERAL[1].words(BASE, "0:1")[4:6] == ["--method", "direct"]
     assert one.name != other.name and one.label() == "dt 0.00416667", "they differ in the last bit"
     assert names[0] == "default" and Variation.of({"surface": "../a b/c.obj"}).name == "surface-..-a-b-c.obj"
 
