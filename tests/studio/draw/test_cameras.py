@@ -7,7 +7,7 @@ import runs
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.draw.camera import VIEW_ANGLE, cameras_of_run, content_of_run, smoothed_path
-from pdvol.studio.draw.framing import core_box, framed_points, in_scene
+from pdvol.studio.draw.framing import core_box, framed_points, in_scene, outermost
 from pdvol.studio.draw.views import STANDARD_VIEW, View, read_view
 from shapes import together
 
@@ -88,6 +88,14 @@ def test_what_is_the_shot_is_framed(samples, axis, low, high):
 )
 def test_obstacles_are_framed_where_they_are_near(obstacles, axis, high):
     assert framed_points(*row(2, 1.0), obstacles)[:, axis].max() == pytest.approx(high)
+
+
+def test_the_outermost_points_of_a_ball_frame_it():
+    ball, directions = (np.random.default_rng(seed).normal(size=(n, 3)) for seed, n in ((3, 20000), (4, 500)))
+    ball /= np.linalg.norm(ball, axis=1)[:, None]
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    kept = outermost(ball)
+    assert len(kept) < 200 and (kept @ directions.T).max(axis=0).min() > 0.96
 
 
 # ---- views

@@ -20,6 +20,13 @@ def test_segments_by_sampling():
     assert (found <= np.array(sampled) + 1e-12).all() and np.abs(found - sampled).max() < 0.01
 
 
+def test_crossed_edges_are_nearer_than_any_corner():
+    one = np.array([[-1.0, 0, 0], [1, 0, 0], [0, 0, -1]])
+    other = np.array([[0.0, -1, 0.25], [0, 1, 0.25], [0, 0, 1]])
+    facet = np.array([[0, 1, 2]])
+    assert surface_gap(one, facet, other, facet) == pytest.approx(0.25)
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 def test_balls(dim):
     one, other = runs.ball(dim, 300, np.zeros(dim)), runs.ball(dim, 300, 1.5 * np.eye(dim)[0])
