@@ -10,29 +10,20 @@ from benchmarks.methods import __main__ as methods
 from shapes import box
 
 
-def judged(points, cells, states, bodies=None, obstacles=()):
-    level = SimpleNamespace(
-        rest=points,
-        cells=cells,
-        bodies=np.zeros(len(cells), int) if bodies is None else bodies,
-        steps=len(states),
-        positions=states.__getitem__,
-    )
-    return methods.states(level, obstacles)
-
-
 def test_crossings_and_vertices_behind_planes():
-    square = box(2, 1)
-    points, cells = square.points, square.cells
+    def judged(cells, states, *obstacles):
+        level = SimpleNamespace(rest=states[0], cells=cells, bodies=np.zeros(len(cells), int), steps=len(states))
+        level.positions = states.__getitem__
+        found = methods.states(level, obstacles)
+        return found["crossing_states"], found["crossing_pairs"]
+
+    points, cells = box(2, 1).points, box(2, 1).cells
     both, joined = np.vstack([points, points + [2.0, 0.0]]), np.vstack([cells, cells + 4])
-    over = both - np.array(
-        [[0.0, 0.0]] * 4 + [[1.5, 0.3]] * 4
-    )  # a corner of the second square within the first: two pairs of edges cross
-    found = judged(both, joined, [both, over, over])
-    assert (found["crossing_states"], found["crossing_pairs"]) == (2, 4)
+    # a corner of the second square within the first: two pairs of edges cross
+    over = both - np.repeat([[0.0, 0.0], [1.5, 0.3]], 4, axis=0)
+    assert judged(joined, [both, over, over]) == (2, 4)
     ground = SimpleNamespace(kind="plane", plane=lambda step: (np.array([0.0, 0.1 * step]), np.array([0.0, 1.0])))
-    found = judged(points, cells, [points + [0.0, 0.05]] * 2, obstacles=(ground,))
-    assert (found["crossing_states"], found["crossing_pairs"]) == (1, 2)  # two corners lie below 0.1 m
+    assert judged(cells, [points + [0.0, 0.05]] * 2, ground) == (1, 2)  # two corners lie below 0.1 m
 
 
 @pytest.mark.slow
@@ -42,14 +33,8 @@ def test_a_short_study(tmp_path, capsys):
     out = capsys.readouterr().out
     assert out.count("| progressive, consistency ") == 6 and (tmp_path / "slit_array.md").read_text() in out
     result = json.loads((tmp_path / "slit_array.json").read_text())
-    assert [case["settings"]["consistency"] for case in result["cases"]] == [
-        0.0,
-        pytest.approx(4e-5),
-        0.025,
-        0.2,
-        0.4,
-        0.6,
-    ]
+    ties = [case["settings"]["consistency"] for case in result["cases"]]
+    assert ties == pytest.approx([0.0, 4e-5, 0.025, 0.2, 0.4, 0.6])
     for case in result["cases"]:
         assert [level["states"] for level in case["levels"]] == [3, 3] and case["levels"][1]["crossing_pairs"] == 0
     for name in ("slit_array_sweep.png", "slit_array_curves.png"):

@@ -29,11 +29,6 @@ def page_of(study, what="tables"):
     return f"# Title\n\n<!-- benchmarks.{study}: {what} -->\nold\n<!-- benchmarks.{study}: end -->\nafter\n"
 
 
-def record(seconds=(9.0, 1.0, 1.0), **other):
-    """A record of three steps."""
-    return {"seconds": list(seconds), "newton": [2, 4, 6], "tick": 1.0, "vertices": 1200, "reason": "", **other}
-
-
 @pytest.fixture
 def tiny(monkeypatch):
     """A row of two cubes of eight vertices, two steps."""
@@ -83,7 +78,8 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
         """In STARK's place: its time is twice a second, and all its vertices stay where they are."""
         rest = np.concatenate([points for points, _ in meshes])
         state = {"rest": rest, "last": rest, "cells": np.array([[0, 1, 2, 4]]), "step": steps}
-        return stark.ended(record((9.0, 2.0), dt=[0.01] * 2), steps, "", state), state
+        record = {"seconds": [9.0, 2.0], "newton": [2, 4, 6], "tick": 1.0, "vertices": 1200, "reason": ""}
+        return stark.ended(record | {"dt": [0.01] * 2}, steps, "", state), state
 
     monkeypatch.setattr(stark, "check_module", lambda folder: None)
     monkeypatch.setattr(stark, "by_stark", by_stark)

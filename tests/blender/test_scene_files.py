@@ -29,8 +29,8 @@ def simulated(tmp_path_factory):
     return folder, shot, pdvol.run(shot.scene, folder / "run")
 
 
-def test_the_scene_is_what_was_described(simulated):
-    _, shot, _ = simulated
+def test_the_scene_is_what_was_described_and_can_be_varied(simulated):
+    folder, shot, _ = simulated
     scene = shot.scene
     assert [body.name for body in scene.bodies] == ["bar", "ball"]
     assert scene.dt == pytest.approx(1 / 48) and scene.steps == 6
@@ -41,6 +41,11 @@ def test_the_scene_is_what_was_described(simulated):
     assert (bar.material.young, ball.material.young, ball.velocity) == (1e4, 1e6, (0.0, 0.0, -1.0))
     assert bar.regions[0].material.young == 1e6
     assert (len(bar.render_meshes), len(ball.render_meshes)) == (1, 2)
+    file = places(folder).scene
+    assert list(scene_parameters(file)) == list(parameters(two_bodies()))
+    changed = load_shot(file, {"ball_speed_x": 2.0, "friction": 0.7, "bar_young": 5e3}).scene
+    assert changed.bodies[1].velocity == (2.0, 0.0, -1.0) and changed.bodies[0].material.young == 5e3
+    assert next(c for c in changed.contact if isinstance(c, pdvol.Friction)).mu == 0.7
 
 
 def test_a_body_is_pulled_in_some_frames(tmp_path):
@@ -80,29 +85,12 @@ def test_what_follows_has_blenders_vertices_in_their_order(simulated, tmp_path):
     assert fall == pytest.approx(-1.0 * 3 / 24 - 0.5 * 9.81 * (3 / 24) ** 2, abs=0.02)
 
 
-def test_parameters_can_be_varied(simulated):
-    folder, _, _ = simulated
-    file = places(folder).scene
-    assert list(scene_parameters(file)) == list(parameters(two_bodies()))
-    changed = load_shot(file, {"ball_speed_x": 2.0, "friction": 0.7, "bar_young": 5e3}).scene
-    assert changed.bodies[1].velocity == (2.0, 0.0, -1.0) and changed.bodies[0].material.young == 5e3
-    assert next(c for c in changed.contact if isinstance(c, pdvol.Friction)).mu == 0.7
-
-
 def test_the_file_moves_with_its_folder_and_is_written_again_only_where_it_changes(tmp_path):
     shot, at = two_bodies(), places(tmp_path / "here")
     write_shot(shot, at)
     stamps = {p: p.stat().st_mtime_ns for p in at.meshes.iterdir()}
-    assert {p.name for p in stamps} == {
-        "bar.obj",
-        "bar.pc2",
-        "bar_held_end.txt",
-        "bar_stiff_end.txt",
-        "ball.obj",
-        "ball_render.obj",
-        "plate.obj",
-        "plate.pc2",
-    }
+    written = "bar.obj bar.pc2 bar_held_end.txt bar_stiff_end.txt ball.obj ball_render.obj plate.obj plate.pc2"
+    assert {p.name for p in stamps} == set(written.split())
     write_shot(replace(shot, friction=0.1), at)
     kept = {p: p.stat().st_mtime_ns for p in at.meshes.iterdir() if p.suffix != ".pc2"}
     assert kept == {p: stamp for p, stamp in stamps.items() if p.suffix != ".pc2"}
@@ -116,9 +104,8 @@ def test_what_a_shot_lacks_its_file_does_not_name(tmp_path):
     ball = replace(full.bodies[1], rendered=None, velocity=(0.0, 0.0, 0.0))
     shot = replace(full, bodies=(ball,), obstacles=(), ground=None, gravity=None, friction=0.0)
     text = scene_text(shot, places(tmp_path))
-    imported = next(
-        node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.module == "pdvol"
-    )
+    nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
+    imported = next(node for node in nodes if node.module == "pdvol")
     assert [alias.name for alias in imported.names] == ["Barrier", "Body", "NeoHookean", "RenderMesh", "Scene"]
     write_shot(shot, places(tmp_path))
     scene = load_shot(places(tmp_path).scene).scene
@@ -182,6 +169,9 @@ def test_meshes_keep_polygons_and_caches_their_rate(tmp_path):
     (tmp_path / "x.pc2").write_bytes((tmp_path / "x.pc2").read_bytes()[:-4])
     with pytest.raises(ValueError, match="truncated"):
         read_pc2(tmp_path / "x.pc2")
+    weights = np.array([0.1, 1.0 / 3.0, float(np.float32(0.7)), 0.0, 1.0])
+    write_weights(tmp_path / "weights.txt", weights)
+    assert np.loadtxt(tmp_path / "weights.txt").tolist() == weights.tolist(), "all digits"
 
 
 def test_only_the_addon_folder_imports_bpy_and_nothing_imports_pdvol():
@@ -194,9 +184,3 @@ def test_only_the_addon_folder_imports_bpy_and_nothing_imports_pdvol():
                 taken.add(str(node.module).split(".")[0])
         assert "pdvol" not in taken, path
         assert "bpy" not in taken or path.parent.name == "addon", path
-
-
-def test_weights_keep_all_digits(tmp_path):
-    weights = np.array([0.1, 1.0 / 3.0, float(np.float32(0.7)), 0.0, 1.0])
-    write_weights(tmp_path / "weights.txt", weights)
-    assert np.loadtxt(tmp_path / "weights.txt").tolist() == weights.tolist()

@@ -101,7 +101,7 @@ def test_a_process_ends_with_a_blender_that_crashes(tmp_path, number):
 # ---- progress
 
 
-def test_progress_is_read_piece_by_piece(tmp_path):
+def test_progress_settings_variations_and_defects_are_read(tmp_path):
     progress = RunProgress(tmp_path)
     assert not progress.look() and progress.line() == "" and stored_levels(tmp_path) == {}
     (tmp_path / "run.json").write_text(json.dumps({"steps": 4, "parameters": {"mu": 0.5}}))
@@ -115,26 +115,19 @@ def test_progress_is_read_piece_by_piece(tmp_path):
     log.write_text('{"level": 0, "step": 1}\n')  # a new preview in the same folder
     assert progress.look() and progress.reached == {0: 1}
     assert stored_settings(tmp_path) == {"mu": "0.5"}
-
-
-def test_defects_of_meshes_name_the_setting_that_repairs_them(tmp_path):
-    with pytest.raises(MeshError) as refused:
-        check_manifold(np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3]]), 4, "box")
-    file = tmp_path / "check.json"
-    file.write_text(json.dumps({"defects": [str(refused.value)]}))
-    ((line,), notes) = findings(file)
-    assert line.endswith("; tick Close holes (sidebar, Object)") and line.startswith("box: the surface is open")
-    assert with_settings("a.obj: open; --hole 2.31 closes it") == "a.obj: open; Widest hole 2.31 closes it"
-    assert notes == []
-
-
-def test_variations_are_read(tmp_path):
     entries = [
         {"number": 0, "state": "done", "changes": {"mu": "0.1"}},
         {"number": 1, "state": "failed", "changes": {}},
     ]
     (tmp_path / "wedge.json").write_text(json.dumps({"variations": entries}))
     assert variations(tmp_path) == {0: {"mu": "0.1"}} and variations(tmp_path / "none") == {}
+    with pytest.raises(MeshError) as refused:
+        check_manifold(np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3]]), 4, "box")
+    (tmp_path / "check.json").write_text(json.dumps({"defects": [str(refused.value)]}))
+    ((line,), notes) = findings(tmp_path / "check.json")
+    assert line.endswith("; tick Close holes (sidebar, Object)") and line.startswith("box: the surface is open")
+    assert with_settings("a.obj: open; --hole 2.31 closes it") == "a.obj: open; Widest hole 2.31 closes it"
+    assert notes == []
 
 
 def test_command_lines_are_pdvols():
@@ -218,7 +211,7 @@ def test_a_preview_and_its_refinement_become_caches_for_blender(previewed):
 
 def test_a_cancelled_preview_keeps_its_steps_and_goes_on(previewed, tmp_path):
     at, session = places(tmp_path), Session()
-    write_shot(two_bodies(frames=24), at)
+    write_shot(two_bodies(frames=12), at)
     write_objects(at.play(1), [])
     session.start(Task("Preview", [commands.preview(at.scene, at.run(1))], 1), at, PDVOL, 24.0)
 
@@ -230,10 +223,10 @@ def test_a_cancelled_preview_keeps_its_steps_and_goes_on(previewed, tmp_path):
     session.cancel()
     assert not session.busy and session.message == "Preview: cancelled"
     stored = stored_levels(at.run(1))[0]
-    assert 2 <= stored < 48
+    assert 2 <= stored < 24
     session.start(Task("Resume", [commands.resume(at.scene, at.run(1), 0, {})], 1), at, PDVOL, 24.0)
     events = run_to_end(session)
-    assert events[-1].error == "" and stored_levels(at.run(1)) == {0: 48}
+    assert events[-1].error == "" and stored_levels(at.run(1)) == {0: 24}
     forget_run(at, 1)
     assert not at.run(1).exists() and at.run_numbers() == []
 
@@ -264,12 +257,8 @@ def test_a_mistake_ends_a_task_in_one_line(tmp_path):
     assert event.error.startswith("there is no scene file") and "\n" not in event.error
     assert session.message == f"Check: {event.error}"
     assert sum("there is no scene file" in line for line in event.lines) == 1  # the second step was not begun
-
-
-def test_an_export_of_something_else_is_an_error_that_is_said(tmp_path):
-    at = places(tmp_path)
     write_objects(at.play(1), [Played("bar", "Bar", 1, 1.0, [np.eye(4).tolist()])])
-    with pytest.raises(OSError):
+    with pytest.raises(OSError):  # an export of something else
         make_caches(at, at.folder / "export", 1, 0)
 
 
@@ -285,13 +274,7 @@ def test_pip_gets_a_file_and_never_a_name(tmp_path, monkeypatch):
     assert commands.install_source("pdvol[solver]", tmp_path) == f"{tmp_path / 'pdvol'}[solver]"
     pinned = "https://example.org/pdvol-0.3.0-py3-none-any.whl#sha256=" + 64 * "0"
     assert commands.install_source(pinned, tmp_path) == pinned
-    for name in (
-        "pdvol-solver",
-        "pdvol==0.3",
-        "pdvol3[solver]",
-        "--index-url=http://example.org",
-        pinned[:50],
-        "git+x",
-    ):
+    names = "pdvol-solver pdvol==0.3 pdvol3[solver] --index-url=http://example.org git+x".split()
+    for name in (*names, pinned[:50]):
         with pytest.raises(ShotError, match="give a wheel or a checkout"):
             commands.install_source(name, tmp_path)

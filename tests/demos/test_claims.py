@@ -12,6 +12,7 @@ from demos.gallery.__main__ import PAGES, main
 from demos.gallery.entries import DEMOS
 from demos.gallery.film import FRAMES_PER_SECOND, TILE, film_frames, fit_film, fit_picture
 from demos.gallery.page import TO_WRITE
+from demos.gallery.shots import commits, costs, read_costs, write_costs
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, commit, simulate_small
 from pdvol import open_run
@@ -35,6 +36,14 @@ def test_the_claim_holds_on_small_levels(entry, tmp_path):
     assert touching == [entry.name not in WITHOUT_CONTACT] * 2
     found = claims(entry, stored)
     assert found and [sentence for sentence, holds in found if not holds] == []
+    assert read_costs(entry, tmp_path) == {}, "costs are kept from here on"
+    made = {"commits": ["57d0d06" + "0" * 33, "0a4d02b" + "1" * 33]}
+    write_costs(stored, stored, made, {"commits": ["886b61d" + "2" * 33]}, tmp_path / f"{entry.name}.json")
+    kept = read_costs(entry, tmp_path)
+    assert kept["levels"] == kept["direct"] == costs(stored)
+    assert (commits(kept["made"]), commits(kept["made_directly"])) == ("57d0d06, 0a4d02b", "886b61d")
+    assert [x["vertices"] for x in kept["levels"]] == [len(level.rest) for level in stored.levels]
+    assert kept["levels"][1]["newton"] == np.mean([r["newton_iterations"] for r in stored.levels[1].log])
 
 
 def test_a_claim_fails_where_levels_fall_to_different_sides(tmp_path):

@@ -4,12 +4,16 @@ test_claims.py runs the others.
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from demos.gallery.shown import ENTRIES
-from pdvol import Scene, open_run
+from pdvol import Scene, Surface, open_run
 from pdvol.cli import run
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.measure.verify import verify_run
+from pdvol.meshing.decimate import topology
+from pdvol.meshing.validate import check_surface
 from pdvol.runs.scene_file import load_module
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,12 +24,30 @@ RUN_HERE = {"phong", "slit_array", "tracks"}
 SLOW = pytest.mark.slow
 
 
+SIZES = {
+    "dice_and_wizard": {"gnome": (1, 0.6), "block": (1, 0.4)},
+    "leaf_sheep": {"sheep 1": (2, 0.36), "plant": (1, 0.6), "stone": (0, 0.34)},
+    "phong": {"dolphin": (1, 1.0)},
+}
+"""Of figures that are made to measure: axis and size [m]."""
+
+
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda path: path.stem)
 def test_builds_its_scene(demo):
+    """Of surfaces that the pre-flight checks accept: whole, with one hole at most, of their size."""
     module = load_module(demo)
     scene = module.scene()
     assert isinstance(scene, Scene)
     assert scene.levels >= 2 and scene.steps > 0
+    named = [(thing.name, getattr(thing, "shape", None)) for thing in (*scene.bodies, *scene.obstacles)]
+    several = [(name, shape if isinstance(shape, tuple) else (shape,)) for name, shape in named]
+    shapes = {name: shape for name, each in several for shape in each if isinstance(shape, Surface)}
+    for shape in {id(shape): shape for shape in shapes.values()}.values():
+        checked = check_surface(shape)
+        assert topology(checked.triangles, len(checked.vertices)) in ((1, 2), (1, 0))
+        assert enclosed_volume(shape.vertices, shape.triangles) > 0.0
+    for name, (axis, size) in SIZES.get(demo.stem, {}).items():
+        assert np.ptp(shapes[name].vertices[:, axis]) == pytest.approx(size, rel=2e-3)
     assert module.__doc__ and module.scene.__doc__
     assert len(demo.read_text().splitlines()) < 150
     assert demo.read_text().rstrip().endswith('if __name__ == "__main__":\n    pdvol.main(scene)')

@@ -1,4 +1,6 @@
-"""Every figure of the demos is a shape that the pre-flight checks accept, of the size it promises."""
+"""Every flat figure of the demos is a shape that the pre-flight checks accept, of the area it promises; test_demos.py
+has the others.
+"""
 
 from pathlib import Path
 
@@ -6,15 +8,12 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
-from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.meshing.decimate import topology
 from pdvol.meshing.triangulate import boundary_loops
-from pdvol.meshing.validate import check_outline, check_solid, check_surface, signed_area
+from pdvol.meshing.validate import check_outline, check_solid, signed_area
 from pdvol.runs.scene_file import load_module
 
 recipes = load_module(Path(__file__).resolve().parents[2] / "demos" / "ape.py").recipes
-"""As the demos import them: a figure that another test has made is made once."""
 
 
 def squares():
@@ -86,36 +85,3 @@ def test_a_slice_has_its_layers(layers):
     assert np.allclose(np.unique(found.vertices[:, 1]), np.linspace(-0.005, 0.005, layers + 1))
     volume = simplex_volumes(found.vertices, found.cells).sum()
     assert volume == pytest.approx(0.01 * signed_area(outline), rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("figure", "axis", "size"),
-    [
-        (lambda: recipes.ape(), 1, None),
-        (lambda: recipes.dolphin(2.0, 1500), 1, 2.0),
-        (lambda: recipes.leaf_sheep(0.36, 24000), 2, 0.36),
-        (lambda: recipes.sea_mushroom(0.6, 6000), 1, 0.6),
-        (lambda: recipes.stone(0.34, 1200), 0, 0.34),
-        (lambda: recipes.gnome(0.6, 8000), 1, 0.6),
-    ],
-    ids=["ape", "dolphin", "leaf sheep", "sea mushroom", "stone", "gnome"],
-)
-def test_figures_are_whole_and_have_their_size(figure, axis, size):
-    shape = figure()
-    checked = check_surface(shape)
-    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
-    assert size is None or np.ptp(shape.vertices[:, axis]) == pytest.approx(size, rel=2e-3)
-    assert enclosed_volume(shape.vertices, shape.triangles) > 0.0
-
-
-@pytest.mark.slow
-def test_letters_are_cut_out_of_the_block():
-    block = recipes.letter_block(1.0, 0.1, 4000)
-    checked = check_surface(block)
-    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
-    assert np.ptp(block.vertices[:, 1]) == pytest.approx(1.0, rel=2e-3)
-    volume = enclosed_volume(block.vertices, block.triangles)
-    # Five letters of some 2 x 0.058 times the length of their strokes, 1.3 to 2.3, and rounded edges.
-    assert 1.0 - 5 * 0.1 * 0.3 < volume < 1.0 - 5 * 0.1 * 0.13
-    top = block.vertices[(np.abs(block.vertices[:, [0, 2]]) < 0.34).all(axis=1) & (block.vertices[:, 1] > 0.2)]
-    assert top[:, 1].min() == pytest.approx(0.4, abs=0.01), "the floor of the letter above"

@@ -138,6 +138,7 @@ SHORTER = (
     (r"^pdvol (run|preview|wedge|study|live) \S+\.py", rf"\g<0> --set steps={STEPS}"),
     (r"^pdvol run \S+\.py(?!.*--(accuracy|time|method|levels)).*", r"\g<0> --levels 0:1"),
     (r"--levels 0:2", "--levels 0:1"),
+    (r"--set levels=3", "--set levels=2"),
     (r"--frames \d+", f"--frames {STEPS}"),
     (r"(demos/drop|shot)\.py", r"\g<0> --set vertices=(60,150,300)"),
     (r"(--vary \S+:\S+):\d+", r"\1:2"),

@@ -40,8 +40,10 @@ def undo_takes_back_what_was_set(folder: Path) -> None:
     assert press("preview").startswith("there is no soft body") and stored_levels(places().run(1)) == {0: 24}
 
 
-def the_panel_draws_what_there_is(folder: Path) -> None:
-    """Each of its states, with a layout that knows whether properties and buttons exist; bpy has no window."""
+def the_panel_draws_what_there_is_and_esc_ends_a_check(folder: Path) -> None:
+    """Each of its states, with a layout that knows whether properties and buttons exist; bpy has no window. A check
+    stands in the status bar and ends with Esc; other keys go on to Blender, and Esc too once the check has ended.
+    """
     scene = begin(folder)
     body, plate = cube("Box", cuts=1), cube("plate", at=(3, 0, 0))
     shown = drawn()
@@ -57,27 +59,7 @@ def the_panel_draws_what_there_is(folder: Path) -> None:
     assert "pdvol.cancel" not in shown["buttons"]
     bpy.ops.pdvol.region(remove=0)
     body.pdvol.pins = ""
-    assert bpy.ops.pdvol.preview() == {"FINISHED"}
-    assert "pdvol.cancel" in drawn()["buttons"]
-    assert (
-        wait() == ""
-        and "Preview: done" in drawn()["texts"]
-        and "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
-    )
-    scene.pdvol.level = 2
-    assert "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
-    scene.pdvol.count = 2
-    assert press("wedge") == "" and {"pdvol.choose"} <= drawn()["buttons"]
-    body.location.z = 0.0
-    assert press("check") and any("ground" in text for text in drawn()["texts"])
-
-
-def a_check_stands_in_the_status_bar_and_ends_with_esc(folder: Path) -> None:
-    """Other keys go on to Blender. Once the check has ended, Esc is not its own any more."""
-    begin(folder)
-    part("BODY", cube("Box", cuts=1))
-    assert hooks.status() is None
-    assert bpy.ops.pdvol.check() == {"FINISHED"}
+    assert hooks.status() is None and bpy.ops.pdvol.check() == {"FINISHED"}
     button = SimpleNamespace(task=tasks.session.task)
     sent = lambda key: operators.PDVOL_OT_check.modal(button, bpy.context, SimpleNamespace(type=key))
     assert hooks.status().startswith("pdvol: Check") and hooks.status().endswith("(Esc stops it)")
@@ -85,8 +67,14 @@ def a_check_stands_in_the_status_bar_and_ends_with_esc(folder: Path) -> None:
     assert sent("ESC") == {"CANCELLED"} and not tasks.session.busy
     assert tasks.session.message == "Check: cancelled" and hooks.status() is None
     assert bpy.ops.pdvol.preview() == {"FINISHED"} and "Esc" not in hooks.status()
-    assert sent("ESC") == {"FINISHED"} and tasks.session.busy
-    assert wait() == ""
+    assert sent("ESC") == {"FINISHED"} and tasks.session.busy and "pdvol.cancel" in drawn()["buttons"]
+    assert wait() == "" and "Preview: done" in drawn()["texts"]
+    for scene.pdvol.level in (0, 2):
+        assert "Levels 0 to 0 are stored; level 0 is shown" in drawn()["texts"]
+    scene.pdvol.count = 2
+    assert press("wedge") == "" and {"pdvol.choose"} <= drawn()["buttons"]
+    body.location.z = 0.0
+    assert press("check") and any("ground" in text for text in drawn()["texts"])
 
 
 class Layout:

@@ -52,6 +52,14 @@ def until(session, condition):
         time.sleep(0.005)
 
 
+def next_run(session, last=None):
+    """The run after the present one, or after number `last`, at its end."""
+    last = (session.current.number if session.current else 0) if last is None else last
+    until(session, lambda: session.current is not None and session.current.number > last)
+    until(session, lambda: not session.current.running)
+    return session.current
+
+
 def shows(tab, text, gone=False):
     """Wait until the page has this text, or has it no more."""
     tab.until(f"document.body.innerText.includes({json.dumps(text)}) !== {json.dumps(gone)}")

@@ -126,21 +126,9 @@ def test_every_folder_is_a_known_stage():
     assert tools | {"studio"} == WING, "a new folder of the studio needs a line in MAY_IMPORT"
 
 
-def test_the_core_imports_nothing_of_what_stands_on_it():
-    core = {"forms", "meshes", *STAGES, *FOUNDATION}
-    known = {
-        place(path): sorted(found)
-        for path in SOURCES
-        if stage(module_of(path)) in core and (found := {stage(i) for i in imports(path)} & (ABOVE | {"cli"}))
-    }
-    assert known == {}
-
-
 def test_the_foundation_knows_no_stage():
-    assert {name: known for name in FOUNDATION if (known := stages_of(name) & set(STAGES))} == {}
-
-
-def test_scene_knows_only_forms_and_meshes():
+    known = {name: stages_of(name) & {*STAGES, *ABOVE, "cli"} for name in FOUNDATION}
+    assert {name: found for name, found in known.items() if found} == {}
     assert stages_of("scene") <= {"scene", "errors", "registry", "forms", "meshes"}
     assert stages_of("registry") <= {"errors"}
 
@@ -177,7 +165,7 @@ def test_functions_have_few_arguments():
     """Those that travel together are one object. What `pdvol` itself offers has its options as words."""
     offered, many = set(pdvol.__all__), []
     for path in SOURCES:
-        for function in (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.FunctionDef)):
+        for function in (node for node in ast.walk(parsed(path)) if isinstance(node, ast.FunctionDef)):
             names = [each.arg for each in (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)]
             count = len([name for name in names if name not in ("self", "cls")])
             if count > MOST_ARGUMENTS and function.name not in offered:
@@ -185,15 +173,11 @@ def test_functions_have_few_arguments():
     assert not many, many
 
 
-def test_one_file_of_snes_and_one_of_what_differs_between_dolfinx_versions():
-    using = {place(p) for p in SOURCES if re.search(r"\bSNES\(\)", p.read_text())}
-    assert using == {"pdvol/solve/newton.py"}
-    asking = {place(p) for p in SOURCES if "dolfinx.__version__" in p.read_text()}
-    assert asking <= {"pdvol/compat.py"}
-
-
-def test_one_file_imports_dolfinx_and_petsc():
+def test_one_file_of_snes_and_one_of_dolfinx_and_petsc():
     """A wheel of dolfinx needs its MPI loaded first: elsewhere these come from compat, whatever is imported first."""
+    texts = {place(path): path.read_text() for path in SOURCES}
+    assert [name for name, text in texts.items() if re.search(r"\bSNES\(\)", text)] == ["pdvol/solve/newton.py"]
+    assert {name for name, text in texts.items() if "dolfinx.__version__" in text} <= {"pdvol/compat.py"}
     importing = {place(p) for p in SOURCES if {i.split(".")[0] for i in imports(p)} & {"dolfinx", "petsc4py"}}
     assert importing == {"pdvol/compat.py"}
 
@@ -201,26 +185,17 @@ def test_one_file_imports_dolfinx_and_petsc():
 def test_without_dolfinx_a_command_says_in_one_line_what_to_install(tmp_path):
     (tmp_path / "scene.py").write_text(SCENE + "run = lambda: scene\n")
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['dolfinx'] = None  # as if not installed\n")
-    ended = subprocess.run(
-        [sys.executable, "-m", "pdvol", "run", "scene.py:run"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        timeout=SAFETY,
-    )
-    assert ended.returncode == 2 and ended.stderr.count("\n") == 1
-    assert "no dolfinx" in ended.stderr and "pip install '.[solver]'" in ended.stderr
+    done = ended(["-m", "pdvol", "run", "scene.py:run"], tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "no dolfinx" in done.stderr and "pip install '.[solver]'" in done.stderr
 
 
 def test_ranks_of_another_mpi_are_refused(tmp_path):
     """Each would be alone, and all would write into one run folder."""
-    env = {**os.environ, "OMPI_COMM_WORLD_SIZE": "2"}
-    program = [sys.executable, "-m", "pdvol", "check", "scene.py"]
     (tmp_path / "scene.py").write_text(SCENE + "def pair(): return scene\n")
-    ended = subprocess.run(program, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY)
-    said = ended.stderr.splitlines()
-    assert ended.returncode == 2 and "Traceback" not in ended.stderr
+    done = ended(["-m", "pdvol", "check", "scene.py"], tmp_path, OMPI_COMM_WORLD_SIZE="2")
+    said = done.stderr.splitlines()
+    assert done.returncode == 2 and "Traceback" not in done.stderr
     assert said[-1].startswith("pdvol: 2 processes were started by the launcher of another MPI than ")
     assert len(said) == 1 or "suspicious MPI execution environment" in said[0], (
         "mpi4py's wheel has a warning of its own"
@@ -242,12 +217,17 @@ def test_no_two_modules_have_a_constant_of_the_same_name():
 # ---- what is loaded when
 
 
+def ended(words, cwd, **variables) -> subprocess.CompletedProcess:
+    env = {**os.environ, **variables}
+    return subprocess.run([sys.executable, *words], cwd=cwd, env=env, capture_output=True, text=True, timeout=SAFETY)
+
+
 def loaded_after(program: str, cwd) -> set[str]:
     """Top-level packages in sys.modules at the end of a program of its own."""
     program += "\nimport sys\nprint('LOADED', *sorted({name.split('.')[0] for name in sys.modules}))\n"
-    ended = subprocess.run([sys.executable, "-c", program], cwd=cwd, capture_output=True, text=True, timeout=SAFETY)
-    assert ended.returncode == 0, ended.stderr
-    (line,) = [line for line in ended.stdout.splitlines() if line.startswith("LOADED")]
+    done = ended(["-c", program], cwd)
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("LOADED")]
     return set(line.split()[1:])
 
 
@@ -266,16 +246,9 @@ scene = Scene(bodies=(Body((square, square), NeoHookean(1e5), regions=(tip,)),),
 FINITE_ELEMENTS = {"dolfinx", "petsc4py", "basix", "ffcx"}
 
 
-def test_describing_a_scene_loads_no_solver(tmp_path):
+def test_describing_a_scene_and_reading_a_run_load_no_solver(tmp_path):
     heavy = FINITE_ELEMENTS | {"mpi4py", "ipctk", "gmsh", "pyvista", "vtkmodules", "meshio", "trimesh", "pytetwild"}
-    for program in ("import pdvol", SCENE):
-        assert loaded_after(program, tmp_path) & heavy == set()
-
-
-def test_reading_a_run_loads_no_finite_elements(tmp_path):
-    assert not loaded_after("import pdvol; pdvol.open_run", tmp_path) & (
-        FINITE_ELEMENTS | {"mpi4py", "ipctk", "gmsh", "pyvista"}
-    )
+    assert loaded_after(SCENE + "pdvol.open_run\n", tmp_path) & heavy == set()
 
 
 def test_storing_exporting_drawing_and_measuring_load_no_finite_elements(tmp_path):

@@ -55,19 +55,18 @@ def links(page: Path) -> list[str]:
     return [target for target in LINK.findall(text) if not re.match(r"[a-z]+:", target)]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=ids)
-def test_links_and_anchors_exist(page):
-    assert [target for target in links(page) if dead(page, target)] == []
-
-
-def test_links_are_found(tmp_path):
+def test_links_and_names_are_found(tmp_path):
     page = ROOT / "docs" / "none.md"
     assert dead(page, "nothing.md") and dead(page, "index.md#nothing") and dead(page, "../../elsewhere")
     assert not dead(page, "index.md#where-to-read-on") and not dead(page, "../README.md")
     sample = tmp_path / "a.md"
     sample.write_text("[a](b.md) ![c](d.png) [`e`](f.py#g)\n```\n[h](i)\n```\n`[j](k)` [l](https://m)")
     assert links(sample) == ["b.md", "d.png", "f.py#g"]
-    assert sum(len(links(page)) for page in PAGES) > 250
+    assert sum(len(links(page)) for page in PAGES) > 250 and sum(len(names(page)) for page in PAGES) > 200
+    assert there("pdvol/errors.py") and there("runs/runner.py") and there("docs/gallery/") and there("demos/NAME.py")
+    assert not there("unner.py") and not there("docs/none.md")
+    source = "\n".join(path.read_text() for path in (ROOT / "pdvol").rglob("*.py"))
+    assert all(name.strip("/") in source for name in MADE)
 
 
 @cache
@@ -94,13 +93,6 @@ def there(name: str) -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
-def test_files_that_a_page_names_exist(page):
+def test_links_anchors_and_files_that_a_page_names_exist(page):
+    assert [target for target in links(page) if dead(page, target)] == []
     assert [name for name in names(page) if not there(name)] == []
-
-
-def test_names_are_found():
-    assert there("pdvol/errors.py") and there("runs/runner.py") and there("docs/gallery/") and there("demos/NAME.py")
-    assert not there("unner.py") and not there("docs/none.md")
-    assert sum(len(names(page)) for page in PAGES) > 200
-    source = "\n".join(path.read_text() for path in (ROOT / "pdvol").rglob("*.py"))
-    assert all(name.strip("/") in source for name in MADE)

@@ -1,5 +1,5 @@
 """What is installed: pyproject.toml lists every folder of Python files. C sources and headers of all of them are
-installed by one rule.
+installed by one rule. What a release states in several files is the same in all of them.
 """
 
 import re
@@ -7,8 +7,16 @@ import tomllib
 from fnmatch import fnmatch
 from pathlib import Path
 
+import pdvol
+
 ROOT = Path(__file__).resolve().parents[2]
-SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT, SETUPTOOLS = PYPROJECT["project"], PYPROJECT["tool"]["setuptools"]
+CONDA_NAMES = {"gmsh": "python-gmsh", "lazy-loader": "lazy_loader", "libigl": "igl", "matplotlib": "matplotlib-base"}
+"""Names that differ on conda-forge."""
+TEXTS = {".py", ".md", ".toml", ".yaml", ".yml", ".ipynb", ".sh", ".cff", ".rst", ".html", ".txt", ""}
+TOPS = ("benchmarks", "blender", "demos", "docs", "forms", "joss", "meshes", "packaging", "pdvol", "tests")
+BY_NAME = re.compile(r"""pip3?\W+install\b[\w \t'",=<>[\]-]*?(?<![\w./@-])pdvol(?![\w/.@-])""")
 
 
 def package_of(folder: Path) -> str:
@@ -33,16 +41,9 @@ def test_every_other_file_is_installed():
     for folder in {file.parent for file in files if file.name == "__init__.py"}:
         # A package's patterns name files in it, and in folders below that hold no modules.
         for pattern in (*rules["*"], *rules.get(package_of(folder), ())):
-            data -= set(folder.glob(pattern))
+            data -= (found := set(folder.glob(pattern)))
+            assert found or pattern in rules["*"], f"{folder}: no file {pattern}"
     assert sorted(str(file.relative_to(ROOT)) for file in data) == []
-
-
-def test_package_data_names_files_that_exist():
-    for package, patterns in SETUPTOOLS["package-data"].items():
-        folder = ROOT / ("pdvol" if package == "*" else Path(*package.split(".")))
-        for pattern in patterns:
-            found = folder.rglob(pattern) if package == "*" else folder.glob(pattern)
-            assert list(found), f"{package}: no file {pattern}"
 
 
 def test_the_source_archive_has_every_folder():
@@ -52,3 +53,37 @@ def test_the_source_archive_has_every_folder():
     folders = {path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".")}
     kept = {name for name in folders if not any(fnmatch(name, pattern) for pattern in generated)}
     assert kept == named - {".ci"} | {"pdvol", "forms", "meshes"}
+
+
+def test_one_version_and_one_licence():
+    """The licence's texts are in wheel and source archive, and that of copied code lies beside it."""
+    stated = lambda name, file: re.search(rf'^ *{name}: "?([^"\n]+)"?$', (ROOT / file).read_text(), re.MULTILINE)[1]
+    changed = re.search(r"^## (\S+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1]
+    extension = tomllib.loads((ROOT / "blender" / "blender_manifest.toml").read_text())
+    cited, recipe = stated("version", "CITATION.cff"), stated("version", "packaging/recipe.yaml")
+    assert PROJECT["version"] == pdvol.__version__ == cited == changed == extension["version"] == recipe
+    licence = PROJECT["license"]
+    assert licence == stated("license", "CITATION.cff") and extension["license"] == [f"SPDX:{licence}"]
+    assert PROJECT["license-files"] == ["COPYING", "COPYING.LESSER"]
+    copied = [file for file in (ROOT / "pdvol").rglob("vendor/**/*") if file.is_file()]
+    assert copied and all((file.parent / "LICENSE").is_file() for file in copied)
+
+
+def test_the_conda_recipe_needs_what_the_wheel_needs():
+    recipe = (ROOT / "packaging" / "recipe.yaml").read_text()
+    pairs = [re.fullmatch(r"([\w-]+)(.*)", line).groups() for line in PROJECT["dependencies"]]
+    needed = {CONDA_NAMES.get(name, name): bounds for name, bounds in pairs}
+    runs = recipe.split("\n  run:\n")[1].split("\ntests:")[0]
+    listed = dict(re.findall(r"^    - ([\w-]+) (\S+)$", runs, re.MULTILINE))
+    assert {name: listed.get(name) for name in needed} == needed
+    assert set(listed) - set(needed) == {"fenics-dolfinx"}
+    assert PROJECT["requires-python"] == ">=" + re.search(r'python_min: "(.+)"', recipe)[1]
+
+
+def test_nothing_installs_pdvol_by_a_name_that_anyone_could_register():
+    """Until it is registered: pip gets a wheel, a checkout, or an address with its digest."""
+    files = [*ROOT.iterdir(), *(file for top in TOPS for file in (ROOT / top).rglob("*"))]
+    texts = [file for file in files if file.is_file() and file.suffix in TEXTS and file != Path(__file__)]
+    texts.remove(ROOT / "CHANGELOG.md")  # what former releases said
+    found = [match[0] for file in texts if (match := BY_NAME.search(file.read_text(encoding="utf-8")))]
+    assert len(texts) > 300 and found == []

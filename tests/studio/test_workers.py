@@ -5,13 +5,13 @@ import signal
 import time
 from contextlib import closing
 
-import numpy as np
 import pytest
 
 from cli_scenes import FALL, write
 from pdvol.store.folder import holds_run, read_info
 from pdvol.store.reader import open_run
 from pdvol.studio.workers import Worker, Workers
+from runs import assert_same_runs
 
 STEPS = 5
 PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
@@ -26,8 +26,7 @@ def worker():
 
 @pytest.fixture
 def scene(tmp_path):
-    write(tmp_path / "fall.py", FALL)
-    return tmp_path / "fall.py"
+    return write(tmp_path / "fall.py", FALL)
 
 
 def words(scene, name, *more):
@@ -91,6 +90,4 @@ def test_an_interrupted_worker_carries_out_the_next_run_as_any_other(worker, sce
     worker.interrupt()  # nothing runs: nothing happens
     worker.start(words(scene, "after"), scene.parent / "after.log")
     assert ended(worker) == 0
-    before, after = (open_run(scene.parent / name).levels[0] for name in ("before", "after"))
-    for step in range(STEPS + 1):
-        np.testing.assert_array_equal(after.positions(step), before.positions(step))
+    assert_same_runs(scene.parent / "before", scene.parent / "after", logs=False)

@@ -135,20 +135,17 @@ def test_all_content_is_within_the_picture_from_every_side(solid_run, name, towa
         assert depth.min() > 0 and 0.8 < max(abs(x).max(), abs(y).max()) <= 1.0
 
 
-@pytest.mark.parametrize("place", [(-4, -6, 3), (0, 0, 9)])
-def test_a_position_and_a_target_are_the_cameras(solid_run, place):
+def test_a_position_and_a_target_are_the_cameras_and_a_flat_scene_has_one_view(solid_run, flat_run):
     run = open_run(solid_run)
-    (camera,) = cameras_of_run(run, run.levels, [2], View(position=place, target=(0, 0, 1)))
-    assert np.allclose(camera.position, place) and np.allclose(camera.focus, (0, 0, 1))
-    assert abs(camera.right[2]) < 1e-12 and (camera.up[2] > 0.8 or place[0] == 0), "upright"
-    assert np.linalg.det(np.column_stack([camera.right, camera.up, camera.towards])) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("view", ["side", "top", "0,0,3:0,0,0"])
-def test_a_flat_scene_has_one_view(flat_run, view):
+    for place in ((-4, -6, 3), (0, 0, 9)):
+        (camera,) = cameras_of_run(run, run.levels, [2], View(position=place, target=(0, 0, 1)))
+        assert np.allclose(camera.position, place) and np.allclose(camera.focus, (0, 0, 1))
+        assert abs(camera.right[2]) < 1e-12 and (camera.up[2] > 0.8 or place[0] == 0), "upright"
+        assert np.linalg.det(np.column_stack([camera.right, camera.up, camera.towards])) == pytest.approx(1.0)
     run = open_run(flat_run)
-    with pytest.raises(InputError, match="2D"):
-        cameras_of_run(run, run.levels, [0], read_view(view))
+    for view in ("side", "top", "0,0,3:0,0,0"):
+        with pytest.raises(InputError, match="2D"):
+            cameras_of_run(run, run.levels, [0], read_view(view))
     assert len(cameras_of_run(run, run.levels, [0, 3], read_view("follow:left", 30.0))) == 2
 
 

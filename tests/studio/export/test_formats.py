@@ -36,6 +36,7 @@ def test_all_parts_at_all_frames(kind, fps, stored, request, tmp_path):
     path = request.getfixturevalue(stored)
     flat, run = stored == "flat_run", open_run(path)
     written, notes = export_run(path, kind, tmp_path / "first", fps=fps)
+    assert not list(tmp_path.rglob(".*"))
     (tmp_path / "first").rename(tmp_path / "moved")  # files name each other by relative paths
     written = [tmp_path / "moved" / file.name for file in written]
     assert all(file.exists() for file in written)
@@ -130,17 +131,6 @@ def test_choices_that_a_format_does_not_take_are_named(kind, choices, said, soli
     with pytest.raises(InputError, match=said):
         export_run(solid_run, kind, tmp_path / "out", **choices)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("kind", sorted(RESAMPLED))
-def test_the_files_of_an_earlier_export_are_overwritten(kind, solid_run, tmp_path):
-    sizes = []
-    for fps in (24.0, 240.0):
-        written, _ = export_run(solid_run, kind, tmp_path, levels=[0], fps=fps)
-        first = written[0] / "left.pc2" if kind == "pc2" else written[0]
-        sizes.append(first.stat().st_size)
-        assert not list(tmp_path.rglob(".*"))
-    assert sizes[1] > 3 * sizes[0]
 
 
 def test_an_unfinished_level_is_exported_as_far_as_it_is(small_run, tmp_path):

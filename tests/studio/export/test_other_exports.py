@@ -3,8 +3,11 @@ elsewhere.
 """
 
 import json
+import runpy
 import shutil
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import h5py
 import meshio
@@ -146,13 +149,36 @@ def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
         assert set(reader.read_data(3)[1]) == {"displacement", "velocity"}
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_the_script_for_paraview_finds_its_export(solid_run, tmp_path, known):
-    """ParaView's window runs a script without `__file__`."""
-    written, _ = export_run(solid_run, "xdmf", tmp_path / "export")
-    text = written[-1].read_text()
-    head = text[: text.index("DIRECTION =")].replace("from paraview import simple", "")
-    moved = tmp_path / "moved" / written[-1].name
-    names = {"__file__": str(moved)} if known else {}
-    exec(compile(head, "head", "exec"), names)
-    assert names["FOLDER"] == (moved.parent if known else tmp_path / "export")
+class Asked(Exception):
+    """ParaView was asked to draw."""
+
+
+def test_the_script_for_paraview_finds_its_export_and_names_the_command_without_a_display(
+    flat_run, tmp_path, monkeypatch
+):
+    """With modules that stand in for ParaView's own, whose window runs a script without `__file__`."""
+
+    def draw(*_):
+        raise Asked
+
+    script = export_run(flat_run, "xdmf", tmp_path)[0][-1]
+    head = script.read_text().partition("DIRECTION =")[0].replace("from paraview import simple", "")
+    for known in ({"__file__": str(tmp_path / "moved" / script.name)}, {}):
+        exec(compile(head, "head", "exec"), known)
+        assert known["FOLDER"] == (tmp_path / "moved" if "__file__" in known else tmp_path)
+    modules = {name: ModuleType(name) for name in ("paraview", "paraview.simple", "vtkmodules.vtkRenderingCore")}
+    modules["paraview"].simple = modules["paraview.simple"]
+    modules["paraview.simple"].GetActiveViewOrCreate = draw
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr(sys, "argv", [str(script), "a.png"])
+    monkeypatch.delenv("DISPLAY", raising=False)
+    for window, error in (("X", SystemExit), ("OS", Asked)):  # the second one draws without a display
+        modules["vtkmodules.vtkRenderingCore"].vtkRenderWindow = type(f"vtk{window}OpenGLRenderWindow", (), {})
+        with pytest.raises(error) as raised:
+            runpy.run_path(str(script))
+        said = f"no display; run it by: xvfb-run -a pvpython {script} a.png"
+        assert error is Asked or said in str(raised.value)
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(Asked):
+        runpy.run_path(str(script))

@@ -31,18 +31,15 @@ def stored(path, heights, obstacles=(), meshes=None, closed=True):
 
 
 def test_a_box_5_mm_larger_on_a_plane(tmp_path):
+    """Depth, step and obstacle are named; the simulated surface crosses nothing."""
     run = stored(tmp_path / "run", [0.1, 0.0, 0.001], meshes={0: grown_box((0, 0, 0), (0.99, 1, 1), LARGER)})
     worst = deepest_crossing(run, run.levels[0])
     assert (worst.name, worst.other, worst.step) == ("left", "plane 'floor'", 1)
     assert worst.depth == pytest.approx(LARGER - GAP, abs=1e-12)
     out, within = rest_gaps(run.levels[0], run.render_meshes[0])
     assert out == pytest.approx(LARGER * np.sqrt(3), abs=1e-9) and within == pytest.approx(0.01 - LARGER, abs=1e-9)
-
-
-def test_the_step_and_the_obstacle_are_named(tmp_path):
-    run = stored(tmp_path / "run", [0.1, -0.0005, 0.05], meshes={0: grown_box((0, 0, 0), (0.99, 1, 1), LARGER)})
     _, notes = export_run(run.path, "obj", tmp_path / "out")
-    assert notes[1] == "level 0: render meshes cross by up to 0.0035 m: 'left' and plane 'floor' at step 1"
+    assert notes[1] == "level 0: render meshes cross by up to 0.003 m: 'left' and plane 'floor' at step 1"
     assert export_run(run.path, "obj", tmp_path / "out", surface="contact")[1] == []
 
 

@@ -15,7 +15,6 @@ from pdvol.errors import InputError
 from pdvol.store.copying import copy_run
 from pdvol.store.reader import open_run
 from pdvol.studio.export.exports import export_run
-from pdvol.studio.export.parts import body_parts
 from rendered import grown_box
 from shapes import solid
 
@@ -116,12 +115,18 @@ def test_usd_with_seams_and_texture(stored, tmp_path):
     assert inner.GetPrimvar("rest").HasValue() and inner.GetPrimvar("st").HasValue() is not None
 
 
-def test_usd_with_both_surfaces(stored, tmp_path):
+def test_usd_with_each_surface(stored, tmp_path):
+    """Fields are those of simulated surfaces; OpenUSD's validators find nothing."""
     pytest.importorskip("pxr", reason="usd-core is an optional extra")
     from pxr import Usd, UsdGeom
 
-    (file,), _ = export_run(stored, "usd", tmp_path, surface="both", fps=24.0)
-    stage = Usd.Stage.Open(str(file))
+    for surface, has in ((None, ["plain"]), ("contact", ["soft_box", "plain"]), ("both", ["soft_box", "plain"])):
+        (file,), notes = export_run(stored, "usd", tmp_path / str(surface), with_fields=True, surface=surface, fps=24.0)
+        stage = Usd.Stage.Open(str(file))
+        bodies = stage.GetPrimAtPath("/run/bodies").GetChildren()
+        assert [b.GetName() for b in bodies if UsdGeom.PrimvarsAPI(b).HasPrimvar("strain")] == has
+        said = "without fields of soft box: render meshes have none; --surface contact does"
+        assert (said in notes) == (surface is None)
     purpose = lambda name: UsdGeom.Imageable(stage.GetPrimAtPath(f"/run/bodies/{name}")).ComputePurpose()
     assert [purpose(name) for name in ("soft_box", "soft_box_render", "plain")] == ["proxy", "render", "default"]
     UsdValidation = pytest.importorskip("pxr.UsdValidation", reason="usd-core before 25 has no validators")
@@ -147,29 +152,6 @@ def test_places_by_vertex_where_there_are_no_seams(tmp_path):
     np.testing.assert_array_equal(st.ComputeFlattened(), flat[2])
 
 
-def test_fields_are_those_of_simulated_surfaces(stored, tmp_path):
-    pytest.importorskip("pxr", reason="usd-core is an optional extra")
-    from pxr import Usd, UsdGeom
-
-    for surface, has in ((None, ["plain"]), ("contact", ["soft_box", "plain"]), ("both", ["soft_box", "plain"])):
-        (file,), notes = export_run(stored, "usd", tmp_path / str(surface), with_fields=True, surface=surface)
-        stage = Usd.Stage.Open(str(file))
-        bodies = stage.GetPrimAtPath("/run/bodies").GetChildren()
-        assert [b.GetName() for b in bodies if UsdGeom.PrimvarsAPI(b).HasPrimvar("strain")] == has
-        said = "without fields of soft box: render meshes have none; --surface contact does"
-        assert (said in notes) == (surface is None)
-    _, notes = export_run(stored, "usd", tmp_path / "plain")
-    assert not any("fields" in note for note in notes)
-
-
-def test_the_simulated_surface_as_ever(stored):
-    run = open_run(stored)
-    assert [part.name for part in body_parts(run, run.levels[0], "contact")] == ["soft_box", "plain"]
-    both = body_parts(run, run.levels[0], "both")
-    assert [part.name for part in both] == ["soft_box", "plain", "soft_box_render", "soft_box_render_1"]
-    assert [part.closed for part in both] == [True] * 4
-
-
 def test_a_render_mesh_is_no_part_of_the_simulation(tmp_path):
     """A stored run takes another one without a step computed anew, and states do not depend on it."""
     path = tmp_path / "run"
@@ -192,68 +174,60 @@ def test_a_copy_of_a_run_has_its_render_meshes(stored, tmp_path):
     assert (a != b).nnz == 0 and copy.render_meshes[0].texture.read_bytes() == run.render_meshes[0].texture.read_bytes()
 
 
-def test_damaged_files_are_named(stored, tmp_path):
-    copy_run(stored, tmp_path / "copy")
-    file = tmp_path / "copy" / "levels" / "1" / "render_0.npz"
-    file.write_bytes(b"broken")
-    with pytest.raises(InputError, match=r"render_0.npz .*--resume binds the render meshes again"):
-        export_run(tmp_path / "copy", "obj", tmp_path / "out")
-    file.unlink()
-    with pytest.raises(InputError, match=r"render_0.npz is missing; .*--resume"):
-        export_run(tmp_path / "copy", "obj", tmp_path / "out")
-    (tmp_path / "copy" / "render.json").write_text(json.dumps({"render": [{"body": 0}]}))
-    with pytest.raises(InputError, match="render.json is no list of render meshes"):
-        export_run(tmp_path / "copy", "obj", tmp_path / "out")
+AGAIN = ".*--resume binds the render meshes again"
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"),
+    ("file", "change", "said"),
     [
-        ({"texture": "../../secret.png"}, "has the texture '../../secret.png', which is no file of this run"),
-        ({"texture": "/etc/passwd"}, "has the texture '/etc/passwd', which is no file of this run"),
-        ({"texture": ".."}, "no file of this run"),
-        ({"texture": "1.png"}, "no file of this run"),
-        ({"texture": "0.link"}, "0.link is a link that leads out of the folder"),
-        ({"texture": ["0.png"]}, "is no list of render meshes"),
-        ({"name": 5}, "is no list of render meshes"),
-        ({"body": 99}, "render mesh 0 is of body 99, and there are 2"),
-        ({"body": -1}, "is of body -1"),
-        ({"body": True}, "is of body True"),
-        ({"body": "0"}, "is of body '0'"),
-    ],
-)
-def test_a_stored_list_names_bodies_and_files_of_its_run(stored, tmp_path, entry, said):
-    copy_run(stored, tmp_path / "copy")
-    listed = json.loads((stored / "render.json").read_text())["render"]
-    (tmp_path / "secret.png").write_bytes(b"\x89PNG secret")
-    if entry.get("texture") == "0.link":
-        (tmp_path / "copy" / "render" / "0.link").symlink_to(tmp_path / "secret.png")
-    (tmp_path / "copy" / "render.json").write_text(json.dumps({"render": [{**listed[0], **entry}, *listed[1:]]}))
-    with pytest.raises(InputError, match=said) as error:
-        export_run(tmp_path / "copy", "obj", tmp_path / "out")
-    assert "\n" not in str(error.value)
-    assert not any(b"secret" in file.read_bytes() for file in tmp_path.glob("out/**/*") if file.is_file())
-
-
-@pytest.mark.parametrize(
-    ("file", "name", "said"),
-    [
+        (
+            "render.json",
+            {"texture": "../../secret.png"},
+            "has the texture '../../secret.png', which is no file of this run",
+        ),
+        ("render.json", {"texture": "/etc/passwd"}, "has the texture '/etc/passwd', which is no file of this run"),
+        ("render.json", {"texture": ".."}, "no file of this run"),
+        ("render.json", {"texture": "1.png"}, "no file of this run"),
+        ("render.json", {"texture": "0.link"}, "0.link is a link that leads out of the folder"),
+        ("render.json", {"texture": ["0.png"]}, "is no list of render meshes"),
+        ("render.json", {"name": 5}, "is no list of render meshes"),
+        ("render.json", {"body": 99}, "render mesh 0 is of body 99, and there are 2"),
+        ("render.json", {"body": -1}, "is of body -1"),
+        ("render.json", {"body": True}, "is of body True"),
+        ("render.json", {"body": "0"}, "is of body '0'"),
+        ("render.json", b'{"render": [{"body": 0}]}', "render.json is no list of render meshes"),
         ("render/0.npz", "corners", "its corners do not fit its points"),
         ("render/0.npz", "uv_corners", "its uv_corners do not fit its uvs"),
         ("render/0.npz", "fans", "its fans do not fit its corners"),
         ("render/0.npz", "first", "its first do not fit its points"),
-        ("levels/0/render_0.npz", "indices", "render_0.npz is damaged: .*--resume binds the render meshes again"),
-        ("levels/0/render_0.npz", "indptr", "render_0.npz is damaged: .*--resume binds the render meshes again"),
+        ("levels/0/render_0.npz", "indices", "render_0.npz is damaged: " + AGAIN),
+        ("levels/0/render_0.npz", "indptr", "render_0.npz is damaged: " + AGAIN),
+        ("levels/1/render_0.npz", b"broken", "render_0.npz " + AGAIN),
+        ("levels/1/render_0.npz", None, "render_0.npz is missing; .*--resume"),
     ],
 )
-def test_stored_indices_fit_what_they_count(stored, tmp_path, file, name, said):
-    copy_run(stored, tmp_path / "copy")
-    with np.load(tmp_path / "copy" / file) as archive:
-        arrays = dict(archive)
-    arrays[name].ravel()[-1] += 10**6
-    np.savez(tmp_path / "copy" / file, **arrays)
-    with pytest.raises(InputError, match=said):
-        export_run(tmp_path / "copy", "obj", tmp_path / "out")
+def test_what_a_damaged_run_lacks_is_named(stored, tmp_path, file, change, said):
+    """An entry of the list or an array is changed, or the file has other bytes, or is gone. No other file is read."""
+    copy = tmp_path / "copy"
+    copy_run(stored, copy)
+    (tmp_path / "secret.png").write_bytes(b"\x89PNG secret")
+    (copy / file).unlink()
+    if change == {"texture": "0.link"}:
+        (copy / "render" / "0.link").symlink_to(tmp_path / "secret.png")
+    if isinstance(change, bytes):
+        (copy / file).write_bytes(change)
+    elif isinstance(change, dict):
+        first, *others = json.loads((stored / file).read_text())["render"]
+        (copy / file).write_text(json.dumps({"render": [{**first, **change}, *others]}))
+    elif change is not None:
+        with np.load(stored / file) as archive:
+            arrays = dict(archive)
+        arrays[change].ravel()[-1] += 10**6
+        np.savez(copy / file, **arrays)
+    with pytest.raises(InputError, match=said) as error:
+        export_run(copy, "obj", tmp_path / "out")
+    assert "\n" not in str(error.value)
+    assert not any(b"secret" in file.read_bytes() for file in tmp_path.glob("out/**/*") if file.is_file())
 
 
 def test_textures_that_are_lost_are_named_by_check_run_and_info(tmp_path, capfd):

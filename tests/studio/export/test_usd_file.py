@@ -105,10 +105,13 @@ def test_a_killed_export_leaves_the_earlier_file_as_it_was(solid_run, tmp_path):
     assert file.read_bytes() != earlier
 
 
-def test_an_interrupted_export_leaves_nothing(solid_run, tmp_path, monkeypatch):
+def test_an_interrupted_export_and_a_folder_that_is_a_file_leave_nothing(solid_run, tmp_path, monkeypatch):
     def interrupted(file):
         raise KeyboardInterrupt
 
+    (tmp_path / "file").write_text("a file")
+    with pytest.raises(InputError, match=r"file is a file, not a folder"):
+        export_run(solid_run, "usd", tmp_path / "file")
     monkeypatch.setattr(usd_file, "UNSAVED_BYTES", 10_000)
     monkeypatch.setattr(usd_file.UsdFile, "save", interrupted)
     with pytest.raises(KeyboardInterrupt):
@@ -133,9 +136,3 @@ def test_a_file_that_cannot_grow_is_said_in_one_line(solid_run, tmp_path, monkey
     stage = Usd.Stage.Open(str(file))
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/run/bodies/left"))
     assert len(mesh.GetPointsAttr().GetTimeSamples()) == 5
-
-
-def test_a_folder_that_cannot_be_made_is_said_in_one_line(solid_run, tmp_path):
-    (tmp_path / "out").write_text("a file")
-    with pytest.raises(InputError, match=r"out is a file, not a folder"):
-        export_run(solid_run, "usd", tmp_path / "out")

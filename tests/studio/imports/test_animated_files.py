@@ -8,12 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
-import runs
 from pdvol import Placement, PointCache
 from pdvol.errors import InputError
 from pdvol.meshing.point_caches import cached_surface, read_frames
-from pdvol.store.reader import open_run
-from pdvol.studio.export.exports import export_run
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.5, 0]], dtype=float)
 FACES = [[0, 1, 2, 3], [1, 4, 2]]  # counter-clockwise as seen from +z
@@ -110,22 +107,6 @@ def test_what_moves_in_alembic_moves_what_hangs_on_it(tmp_path, change, prim, ti
     np.testing.assert_allclose(frames.frame(-1), last, atol=FLOAT32)
 
 
-def test_an_alembic_export_of_a_run_is_read_back(tmp_path):
-    pytest.importorskip("alembic3d", reason="alembic3d is an optional extra")
-    run = open_run(runs.stored_run(tmp_path / "run", 3, (60,), 5))
-    level = run.levels[0]
-    ((file,), _) = export_run(run.path, "alembic", tmp_path / "out")
-    frames = read_frames(PointCache(file, prim="/left/leftShape"))
-    mine = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == 0]
-    used, faces = np.unique(mine, return_inverse=True)
-    np.testing.assert_allclose(frames.times, run.dt * np.arange(6), atol=1e-9)
-    for step in range(6):
-        x, y, z = level.positions(step)[used].T
-        np.testing.assert_allclose(frames.frame(step), np.column_stack([x, z, -y]), atol=FLOAT32)
-    rolled = {tuple(np.roll(t, -np.argmin(t))) for t in faces.reshape(-1, 3)}
-    assert {tuple(np.roll(t, -np.argmin(t))) for t in frames.faces} == rolled, "outward, as they were"
-
-
 @pytest.mark.parametrize(
     "prim, change, said",
     [
@@ -143,25 +124,21 @@ def test_an_alembic_file_without_such_a_mesh_is_refused(tmp_path, prim, change, 
     one_line(error)
 
 
-@pytest.mark.parametrize("damage", ["empty", "text", "half", "noise"])
+@pytest.mark.parametrize("damage", ["empty", "text", "half", "noise", "hdf5"])
 def test_a_damaged_alembic_file_is_named(tmp_path, damage):
     path = alembic(tmp_path / "rig.abc")
     data = bytearray(path.read_bytes())
     if damage == "noise":
         for place in np.random.default_rng(0).integers(16, len(data), 400):
             data[place] ^= 0x5A
-    path.write_bytes({"empty": b"", "text": b"solid ball\n", "half": data[: len(data) // 2], "noise": data}[damage])
+    if damage == "hdf5":  # as archives were once kept
+        with h5py.File(path, "w") as file:
+            file.attrs["abc_version"] = 1
+    else:
+        path.write_bytes({"empty": b"", "text": b"solid ball\n", "half": data[: len(data) // 2], "noise": data}[damage])
     with pytest.raises(InputError, match=r"rig\.abc: .*export") as error:
         read_frames(PointCache(path, prim="/rig/hand/shape"))
-    one_line(error)
-
-
-def test_an_alembic_archive_in_hdf5_is_named(tmp_path):
-    pytest.importorskip("alembic3d", reason="alembic3d is an optional extra")
-    with h5py.File(tmp_path / "old.abc", "w") as file:
-        file.attrs["abc_version"] = 1
-    with pytest.raises(InputError, match=r"unreadable as Alembic \(.*HDF5\); export it again"):
-        read_frames(PointCache(tmp_path / "old.abc"))
+    assert "HDF5" in one_line(error) or damage != "hdf5"
 
 
 def test_alembic_without_its_package(tmp_path, monkeypatch):

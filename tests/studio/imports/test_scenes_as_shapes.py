@@ -184,13 +184,13 @@ def test_a_file_that_was_written_anew_is_read_anew(tmp_path):
 
 
 def test_bodies_and_obstacles_are_made_of_them(tmp_path):
-    """A body of 1 m^3, a rigid and a deforming obstacle, each from the same file of two instances."""
+    """A body of 1 m^3 from a file, a rigid and a deforming obstacle from another one of two instances."""
     text = f'class "_leaf"\n{{\n{cube("c")}}}\n' + "".join(
         placed(name, instance_of="</_leaf>", translate=f"({x}, 0, 0)") for name, x in (("a", 0), ("b", 3))
     )
-    path = usda(tmp_path / "two.usda", text)
-    (level,) = build_levels(Scene((Body(path, NeoHookean(1e4), (60,), name="b"),), 0.01, 1), cache=tmp_path / "cache")
-    assert level.volumes.sum() == pytest.approx(2.0, rel=1e-3)
+    one, path = usda(tmp_path / "one.usda", cube("c")), usda(tmp_path / "two.usda", text)
+    (level,) = build_levels(Scene((Body(one, NeoHookean(1e4), (60,), name="b"),), 0.01, 1), cache=tmp_path / "cache")
+    assert level.volumes.sum() == pytest.approx(1.0, rel=1e-3)
     for obstacle in (Rigid(path, name="o"), Deforming(PointCache(path, prim="/b"), name="o")):
         points, _, faces = read_obstacle(obstacle)
         assert points[:, 0].max() == pytest.approx(3.5) and len(faces) == (24 if isinstance(obstacle, Rigid) else 12)

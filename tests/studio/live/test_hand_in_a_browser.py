@@ -24,10 +24,10 @@ class Played(SimpleNamespace):
     def __init__(self, run, hand):
         stored = open_run(run)
         stored.hand = None
+        words = dict.fromkeys(("note", "reason", "lasting", "remark"), "")
         take = SimpleNamespace(number=1, stored=stored, steps=stored.levels[0].steps, branch=None, values={}, hand=hand)
-        take.state, take.note, take.reason, take.lasting, take.kept, take.first_state = "running", "", "", "", None, 0.1
-        take.remark = ""
-        take.running, take.level_0_ended, take.levels_with = True, False, lambda step: 1
+        vars(take).update(words, state="running", kept=None, first_state=0.1, running=True, level_0_ended=False)
+        take.levels_with = lambda step: 1
         super().__init__(shown=take, current=take, playing=take, takes=[take], paused=False, values={})
 
     def tick(self):
@@ -81,16 +81,18 @@ def nearest_facet(stored):
 
 
 def opened(tab, played):
+    """The page, pressed on a body; where that is now and at rest, the body, and the pixel."""
     tab.open(played.server.address)
     tab.until("window.live && live.shown")
-    return nearest_facet(played.stored)
-
-
-def test_a_body_is_pressed_dragged_and_let_go(tab, played):
-    now, rest, body = opened(tab, played)
+    now, rest, body = nearest_facet(played.stored)
     x, y = on_screen(tab, now)
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
+    return now, rest, body, x, y
+
+
+def test_a_body_is_pressed_dragged_and_let_go_by_a_mouse_and_a_finger(tab, played):
+    now, rest, body, x, y = opened(tab, played)
     (pull,) = played.held(lambda pulls: pulls)
     size = np.ptp(played.stored.levels[0].rest, axis=0).max()
     assert pull["body"] == body and len(pull["place"]) == len(rest)
@@ -100,37 +102,10 @@ def test_a_body_is_pressed_dragged_and_let_go(tab, played):
     (moved,) = played.held(lambda pulls: pulls[0] != pull)
     assert moved["number"] == pull["number"] and moved["place"] == pull["place"]
     np.testing.assert_allclose(on_screen(tab, moved["point"]), [x + 60, y - 40], atol=0.1)
+    if len(now) == 3:
+        the_wheel_and_shift_are_for_depth(tab, played, moved["point"], (x + 60, y - 90))
     tab.page.mouse.up()
     played.held(lambda pulls: not pulls)
-    assert tab.complaints == []
-
-
-def test_the_wheel_and_shift_are_for_depth(tab, played):
-    now, *_ = opened(tab, played)
-    if len(now) == 2:
-        pytest.skip("a plane has no depth")
-    x, y = on_screen(tab, now)
-    tab.page.mouse.move(x, y)
-    tab.page.mouse.down()
-    (pull,) = played.held(lambda pulls: pulls)
-    before = pull["point"]
-    towards = np.array(tab.page.evaluate("live.view.camera.getWorldDirection(new THREE.Vector3()).negate().toArray()"))
-    tab.page.mouse.wheel(0, 120)
-    (pull,) = played.held(lambda pulls: pulls[0]["point"] != before)
-    way = np.subtract(pull["point"], before)
-    np.testing.assert_allclose(way, (way @ towards) * towards, atol=1e-9)
-    assert way @ towards > 0.0, "nearer"
-    tab.page.keyboard.down("Shift")
-    tab.page.mouse.move(x, y - 50)
-    (pull,) = played.held(lambda pulls: not np.allclose(pulls[0]["point"], np.add(before, way)))
-    further = np.subtract(pull["point"], before) - way
-    np.testing.assert_allclose(further, (further @ towards) * towards, atol=1e-9)
-    assert further @ towards < 0.0, "up is away"
-
-
-def test_a_finger_holds_as_a_mouse_does(tab, played):
-    now, _, body = opened(tab, played)
-    x, y = on_screen(tab, now)
     fingers = tab.page.context.new_cdp_session(tab.page)
     touch = lambda kind, *points: fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [*points]})
     touch("touchStart", {"x": x, "y": y})
@@ -143,11 +118,25 @@ def test_a_finger_holds_as_a_mouse_does(tab, played):
     assert tab.complaints == []
 
 
+def the_wheel_and_shift_are_for_depth(tab, played, before, above):
+    towards = np.array(tab.page.evaluate("live.view.camera.getWorldDirection(new THREE.Vector3()).negate().toArray()"))
+    tab.page.mouse.wheel(0, 120)
+    (pull,) = played.held(lambda pulls: pulls[0]["point"] != before)
+    way = np.subtract(pull["point"], before)
+    np.testing.assert_allclose(way, (way @ towards) * towards, atol=1e-9)
+    assert way @ towards > 0.0, "nearer"
+    tab.page.keyboard.down("Shift")
+    tab.page.mouse.move(*above)
+    (pull,) = played.held(lambda pulls: not np.allclose(pulls[0]["point"], np.add(before, way)))
+    tab.page.keyboard.up("Shift")
+    further = np.subtract(pull["point"], before) - way
+    np.testing.assert_allclose(further, (further @ towards) * towards, atol=1e-9)
+    assert further @ towards < 0.0, "up is away"
+
+
+@pytest.mark.parametrize("played", ["flat_run"], indirect=True)
 def test_a_page_that_closes_lets_go_and_another_watches(tab, played):
     now, *_ = opened(tab, played)
-    x, y = on_screen(tab, now)
-    tab.page.mouse.move(x, y)
-    tab.page.mouse.down()
     played.held(lambda pulls: len(pulls) == 1)
     tab.until("live.status.mine")
     other = type(tab)(tab.page.context.browser.new_page())

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from cli_scenes import FALL, pdvol, write
-from live_page import PATIENCE_OF_TESTS, until
+from live_page import PATIENCE_OF_TESTS, next_run, until
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
-from pdvol.studio.live.session import MOST_RUNS, Session
+from pdvol.studio.live.session import Session
+from runs import assert_same_runs
 
 STEPS = 6
 LONG = 100_000  # steps of a run that a test ends
@@ -34,11 +35,8 @@ def session(folder):
 
 def run_with(session, **values):
     """The run that these values start, at its end."""
-    last = 0 if session.current is None else session.current.number
     session.change({"steps": STEPS, "young": 2e4, "height": 0.02} | values)
-    until(session, lambda: session.current is not None and session.current.number > last)
-    until(session, lambda: not session.current.running)
-    return session.current
+    return next_run(session)
 
 
 def long_run(session, **values):
@@ -48,25 +46,13 @@ def long_run(session, **values):
     return session.current
 
 
-def alone(folder, name, *words):
-    """The same run by a command line."""
-    out = folder / f"alone_{name}"
-    assert pdvol("run", folder / "fall.py", "--out", out, "--steps", STEPS, "--no-picture", "--no-xdmf", *words) == 0
-    return open_run(out)
-
-
-def assert_same_states(run, other, levels=(0, 1)):
-    for level in levels:
-        assert run.levels[level].steps == other.levels[level].steps
-        for step in range(other.levels[level].steps):
-            np.testing.assert_array_equal(run.levels[level].positions(step), other.levels[level].positions(step))
-
-
 def test_a_change_starts_a_run_that_is_refined_as_one_of_the_command_line(session, folder):
     run = run_with(session, young=1.5e4)
     assert (run.state, run.reason, run.steps, run.levels_with(STEPS)) == ("done", "", STEPS + 1, 2)
     assert session.shown is run and 0.0 < run.first_state < PATIENCE_OF_TESTS
-    assert_same_states(run.stored, alone(folder, "refined", "--set", "young=1.5e4"))
+    words = ("--steps", STEPS, "--no-picture", "--no-xdmf", "--set", "young=1.5e4", "--out", folder / "alone")
+    assert pdvol("run", folder / "fall.py", *words) == 0
+    assert_same_runs(run.folder, folder / "alone", logs=False)
 
 
 def test_values_and_modules_beside_the_scene_are_those_of_now(session, folder):
@@ -89,9 +75,7 @@ def test_changes_in_a_row_start_one_run_with_the_last_value(session):
     for young in np.linspace(1e4, 2e4, 9):
         session.change({"young": float(young)})
         session.tick()
-    until(session, lambda: session.current is not None and session.current.number > first)
-    until(session, lambda: not session.current.running)
-    assert session.current.number == first + 1 and session.current.values["young"] == 2e4
+    assert next_run(session, first).number == first + 1 and session.current.values["young"] == 2e4
 
 
 def test_a_change_ends_the_run_before_and_its_states_stay(session):
@@ -106,19 +90,15 @@ def test_a_paused_run_waits_and_goes_on_one_step(session):
     run = long_run(session)
     session.pause()
     time.sleep(0.3)
-    session.tick()
-    held = run.steps
-    time.sleep(0.4)
-    session.tick()
-    assert session.paused and run.steps == held and run.running
-    session.go_to(held)
-    until(session, lambda: run.steps > held)
-    session.tick()
-    time.sleep(0.3)
-    held = run.steps
-    time.sleep(0.3)
-    session.tick()
-    assert run.steps == held  # it waits again
+    for _ in range(2):  # at once, and after one step more
+        session.tick()
+        held = run.steps
+        time.sleep(0.4)
+        session.tick()
+        assert session.paused and run.steps == held and run.running
+        session.go_to(held)
+        until(session, lambda held=held: run.steps > held)
+        time.sleep(0.3)
     session.resume()
     until(session, lambda: run.steps > held + 3)
     assert run_with(session).state == "done"
@@ -145,9 +125,7 @@ def test_a_run_goes_on_from_a_stored_step_with_another_value(session, folder):
     first = run_with(session, young=2e4)
     session.change({"young": 1e4})
     session.branch(4)
-    until(session, lambda: session.current.number > first.number)
-    until(session, lambda: not session.current.running)
-    run = session.current
+    run = next_run(session)
     assert (run.state, run.reason, run.note) == ("done", "", "")
     old, new = first.stored, run.stored
     for level in (0, 1):
@@ -162,9 +140,7 @@ def test_where_a_run_cannot_go_on_it_starts_again_and_says_so(session):
     first = run_with(session, height=0.02)
     session.change({"height": 0.5})
     session.branch(4)
-    until(session, lambda: session.current.number > first.number + 1)
-    until(session, lambda: not session.current.running)
-    run = session.current
+    run = next_run(session, first.number + 1)
     assert run.state == "done" and run.branch is None and "starts from step 0" in run.note and "placement" in run.note
     assert run.stored.levels[0].positions(0)[:, 1].min() > 0.4
     assert "branched" not in run.stored.info
@@ -183,16 +159,10 @@ def test_a_kept_run_is_a_run_of_its_own_with_all_that_follows(session, folder):
     done = run_with(session)
     assert open_run(long).levels[0].steps > 4
     assert open_run(long).info["state"] == "interrupted"
-    assert_same_states(open_run(session.keep("done")), done.stored)
+    assert_same_runs(session.keep("done"), done.folder)
     assert pdvol("verify", long) == 0
     assert pdvol("run", folder / "fall.py", "--resume", "--out", long) == 2, "other steps"
     assert pdvol("refine", folder / "kept" / "done", "--to", 1, "--no-picture") == 0
-
-
-def test_few_runs_are_kept_in_the_temporary_folder(session, folder):
-    for i in range(MOST_RUNS + 2):
-        run_with(session, young=1e4 + 100 * i)
-    assert len([path for path in (folder / "runs").iterdir() if path.is_dir()]) <= MOST_RUNS
 
 
 def test_a_process_that_is_killed_is_replaced(session):

@@ -20,6 +20,10 @@ def test_they_follow_the_weights(detailed_run):
     (pane,) = panes_of_run(run)
     page, level = Decoded(player_page([pane])), run.levels[0]
     (entry,) = page.data["panes"][0]["details"]
+    bodies = page.array(page.data["panes"][0]["bodies"])[page.array(page.data["panes"][0]["faces"]).reshape(-1, 3)]
+    bare = page.data["panes"][0]["uncovered"]
+    assert 0 < bare < len(bodies), "bodies without a render mesh come first"
+    assert set(bodies[:bare].ravel()) == {1} and set(bodies[bare:].ravel()) == {0}
     (mesh,) = run.render_meshes
     weights, detail = level.render_weights(mesh), Detail(mesh)
     bound = page.data["panes"][0]["error"]
@@ -34,14 +38,6 @@ def test_they_follow_the_weights(detailed_run):
     wanted = mesh.uvs[mesh.uv_corners[mesh.fans]]
     np.testing.assert_allclose(places[faces], wanted * [1, -1] + [0, 1], atol=1e-6)
     assert len(detail.vertices) > len(mesh.points)  # seams
-
-
-def test_faces_of_bodies_without_one_come_first(detailed_run):
-    pane = Decoded(player_page(panes_of_run(open_run(detailed_run)))).data["panes"][0]
-    page = Decoded(player_page(panes_of_run(open_run(detailed_run))))
-    bodies = page.array(pane["bodies"])[page.array(pane["faces"]).reshape(-1, 3)]
-    assert 0 < pane["uncovered"] < len(bodies)
-    assert set(bodies[: pane["uncovered"]].ravel()) == {1} and set(bodies[pane["uncovered"] :].ravel()) == {0}
 
 
 def test_the_texture_is_in_the_file_as_it_was_or_smaller(detailed_run, tmp_path):
@@ -74,7 +70,7 @@ def test_their_vertices_count_where_states_are_left_out(detailed_run, monkeypatc
     assert thinned([pane])[0].every == 3 and MOST_VERTEX_STATES > 1e7
 
 
-def test_the_command_leaves_them_out(detailed_run, tmp_path):
+def test_the_command_leaves_them_out(detailed_run, tmp_path, capfd):
     sizes = []
     for options in ((), ("--no-render-meshes",)):
         out = tmp_path / "shot.html"
@@ -84,9 +80,6 @@ def test_the_command_leaves_them_out(detailed_run, tmp_path):
         assert bool(pane["details"]) == (not options)
         assert ('id="shape"' in out.read_text()) == (not options)
     assert sizes[1] < sizes[0]
-
-
-def test_weights_that_are_missing_are_said(detailed_run, tmp_path, capfd):
     (detailed_run / "levels" / "0" / "render_0.npz").unlink()
     assert command("play", detailed_run, "-o", tmp_path / "shot.html") == 2
     assert "--resume" in capfd.readouterr().err

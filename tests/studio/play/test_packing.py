@@ -58,6 +58,14 @@ def test_positions_are_the_stored_ones_within_the_stated_error(dim, flat_run, so
         assert abs(shown - stored).max() > pane["error"] / 20  # the bound means something
         assert np.array_equal(drawn[page.array(pane["faces"]).reshape(facets.shape)], facets)
         assert np.array_equal(page.array(pane["bodies"]), level.mesh.point_bodies[drawn])
+        shapes = [obstacle for obstacle in run.obstacles if obstacle.kind == "mesh"]
+        for obstacle, there in zip([o for o in pane["obstacles"] if o["kind"] == "mesh"], shapes, strict=True):
+            places = page.positions(obstacle)
+            assert len(places) == (level.steps if "positions" in there.arrays else 1)
+            for step, place in enumerate(places):
+                assert abs(place - there.vertices(step)).max() <= obstacle["error"] < 1e-4
+    if dim == 3:
+        assert np.allclose(pane["obstacles"][0]["places"], [[0, 0, -0.01, 0, 0, 1]]), "a plane"
 
 
 def test_a_thinned_file_has_its_states_and_the_curves_of_these(flat_run, solid_run):
@@ -74,17 +82,6 @@ def test_a_thinned_file_has_its_states_and_the_curves_of_these(flat_run, solid_r
         for obstacle in rising:
             for step, place in zip(steps, page.positions(obstacle), strict=True):
                 assert abs(place - run.obstacles[2].vertices(step)).max() <= obstacle["error"]
-
-
-def test_obstacles_are_where_they_were(solid_run):
-    run = open_run(solid_run)
-    page = Decoded(player_page(panes_of_run(run, [1])))
-    ground, still, rising = page.data["panes"][0]["obstacles"]
-    assert ground["kind"] == "plane" and np.allclose(ground["places"], [[0, 0, -0.01, 0, 0, 1]])
-    assert page.positions(still).shape[0] == 1 and page.positions(rising).shape[0] == run.levels[1].steps
-    for obstacle, stored in ((still, run.obstacles[1]), (rising, run.obstacles[2])):
-        for step, shown in enumerate(page.positions(obstacle)):
-            assert abs(shown - stored.vertices(step)).max() <= obstacle["error"] < 1e-4
 
 
 def test_an_obstacle_that_contact_held_back_is_shown_so(tmp_path):

@@ -12,16 +12,11 @@ from pdvol.studio.play.document import player_page
 from pdvol.studio.play.panes import Pane, panes_of_run, panes_of_wedge, thinned
 
 
-def test_a_pane_for_each_level(flat_run):
+def test_one_state_in_some_and_the_last_one(flat_run, monkeypatch):
     run = open_run(flat_run)
     panes = panes_of_run(run)
     assert [(pane.title, pane.level, pane.states) for pane in panes] == [("level 0", 0, 7), ("level 1", 1, 7)]
     assert [pane.title for pane in panes_of_run(run, [1], named=True)] == [f"{run.path.name}, level 1"]
-
-
-def test_one_state_in_some_and_the_last_one(flat_run, monkeypatch):
-    run = open_run(flat_run)
-    panes = panes_of_run(run)
     assert [(pane.lines, pane.steps) for pane in thinned(panes)] == [(pane.lines, list(range(7))) for pane in panes]
     assert [list(pane.steps) for pane in thinned(panes, 4)] == [[0, 4, 6]] * 2
     assert [list(pane.steps) for pane in thinned(panes, 9)] == [[0, 6]] * 2
@@ -43,21 +38,15 @@ def test_an_unfinished_level_says_how_far_it_goes(small_run):
         panes_of_run(open_run(small_run), [1])
 
 
-def test_dimensions_are_not_mixed(flat_run, solid_run):
-    with pytest.raises(InputError, match="2D and in 3D"):
-        player_page([*panes_of_run(open_run(flat_run)), *panes_of_run(open_run(solid_run))])
-
-
-def test_nothing_to_play():
-    with pytest.raises(InputError, match="no stored state"):
-        player_page([Pane("3", note="it failed")])
-
-
-@pytest.mark.parametrize("text", ["{}", '{"variations": []}', '{"variations": 3}', '{"variations": [3]}', "[", "[]"])
-def test_a_wedge_file_that_is_none(text, tmp_path):
-    (tmp_path / "wedge.json").write_text(text)
-    with pytest.raises(InputError, match="wedge.json"):
-        panes_of_wedge(tmp_path)
+def test_what_cannot_be_played_is_named(flat_run, solid_run, tmp_path):
+    flat, solid = (panes_of_run(open_run(run)) for run in (flat_run, solid_run))
+    for panes, said in (([*flat, *solid], "2D and in 3D"), ([Pane("3", note="it failed")], "no stored state")):
+        with pytest.raises(InputError, match=said):
+            player_page(panes)
+    for text in ("{}", '{"variations": []}', '{"variations": 3}', '{"variations": [3]}', "[", "[]"):
+        (tmp_path / "wedge.json").write_text(text)
+        with pytest.raises(InputError, match="wedge.json"):
+            panes_of_wedge(tmp_path)
 
 
 def test_a_wedge_folder_with_gaps(flat_run, tmp_path):
@@ -76,18 +65,7 @@ def test_a_wedge_folder_with_gaps(flat_run, tmp_path):
     assert [pane.note for pane in panes[1:3]] == ["not simulated yet", "no convergence"] and panes[3].note
     assert [pane.title for pane in panes_of_wedge(tmp_path, [0, 1])][:2] == ["7, level 0", "7, level 1"]
     assert "no convergence" in player_page(panes)
-
-
-def test_the_best_variation_comes_first(tmp_path):
     values = {"3": 0.2, "5": None, "7": 0.9, "9": -1.0}
     entries = [{"number": n, "name": n, "changes": {"a": n}, "scores": {"s": v}} for n, v in values.items()]
     (tmp_path / "wedge.json").write_text(json.dumps({"variations": [*entries, {"name": "waits"}]}))
-    assert [pane.title for pane in panes_of_wedge(tmp_path)] == ["7", "3", "9", "5", "waits"]
-
-
-def test_runs_of_other_time_steps_stand_beside_each_other(flat_run, tmp_path):
-    other = runs.stored_run(tmp_path / "other", 2, (50,), 3)
-    info = json.loads((other / "run.json").read_text())
-    (other / "run.json").write_text(json.dumps(info | {"dt": 0.05}))
-    page = player_page([*panes_of_run(open_run(flat_run)), *panes_of_run(open_run(other))])
-    assert '"dt": 0.05' in page and '"dt": 0.02' in page
+    assert [pane.title for pane in panes_of_wedge(tmp_path)] == ["7", "3", "9", "5", "waits"], "the best comes first"

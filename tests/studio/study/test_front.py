@@ -23,18 +23,15 @@ def test_the_front_holds_what_no_other_point_beats():
     assert on_front([1.0, 1.0, 2.0], [3.0, 3.0, 3.0]) == [True, True, False]
 
 
-@pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 3.3])
-def test_an_order_is_found_from_differences_to_the_finest_result(order):
+def test_an_order_is_found_from_differences_to_the_finest_result():
+    """None is seen in two differences, which any order fits, or in none."""
     h = np.array([0.1, 0.2, 0.4, 0.8])
-    results = 7.0 + 0.3 * h**order
-    assert fitted_order(h[1:], abs(results[1:] - results[0]), h[0]) == pytest.approx(order, rel=1e-4)
-    assert richardson(abs(results[1] - results[0]), 2.0, order) == pytest.approx(0.3 * h[0] ** order)
-
-
-def test_no_order_is_seen_in_two_differences_or_in_none():
-    assert fitted_order([0.2, 0.4], [0.1, 0.3], 0.1) is None  # order 1 would fit both, as any two have some order
-    assert fitted_order([0.2, 0.4, 0.8], [0.0, 0.1, 0.2], 0.1) is None
-    assert fitted_order([0.2, 0.4, 0.8], [1.0, 1.0, 1.0], 0.1) is None
+    for order in (0.5, 1.0, 2.0, 3.3):
+        results = 7.0 + 0.3 * h**order
+        assert fitted_order(h[1:], abs(results[1:] - results[0]), h[0]) == pytest.approx(order, rel=1e-4)
+        assert richardson(abs(results[1] - results[0]), 2.0, order) == pytest.approx(0.3 * h[0] ** order)
+    for steps, differences in (([0.2, 0.4], [0.1, 0.3]), (h[1:], [0.0, 0.1, 0.2]), (h[1:], [1.0, 1.0, 1.0])):
+        assert fitted_order(steps, differences, 0.1) is None
 
 
 def point(cost, error, outcome=True):

@@ -4,9 +4,8 @@ from pdvol.studio.study.conclusions import sentences
 
 
 def point(name, cost, error, outcome=True, level=1):
-    words = ["--levels", f"0:{level}", "--set", f"dt={name}"]
     return {
-        "words": words,
+        "words": ["--levels", f"0:{level}", "--set", f"dt={name}"],
         "changes": {"feedback": name},
         "method": "progressive",
         "level": level,
@@ -16,15 +15,9 @@ def point(name, cost, error, outcome=True, level=1):
 
 
 def said(points, spread=None, not_run=()):
+    reference = {"error": 1e-4, "parts": {"dt": 1e-4}, "mesh": None, "level": 1, "changes": {}, "method": "direct"}
     found = {
-        "reference": {
-            "error": 1e-4,
-            "parts": {"dt": 1e-4},
-            "mesh": None,
-            "level": 1,
-            "changes": {},
-            "method": "direct",
-        },
+        "reference": reference,
         "spread": None if spread is None else {"jitter": 1e-3, "end": spread, "chaotic": True},
         "default": points[0],
         "levels_not_run": list(not_run),
@@ -32,27 +25,15 @@ def said(points, spread=None, not_run=()):
     return sentences(points, found, 1.0)
 
 
-def recommended(lines):
-    """The sentences that recommend something else than the scene's settings."""
-    return [line for line in lines if "`--set" in line]
-
-
-def test_what_is_better_is_recommended():
-    lines = said([point("scene", 10.0, 0.2), point("half", 4.0, 0.25), point("fine", 30.0, 0.04)])
-    half, finer = recommended(lines)
+def test_what_is_better_is_recommended_with_the_same_outcome_and_by_more_than_the_spread():
+    """Errors below it are the same: the cheapest of them is taken for less time, and none for a smaller error."""
+    recommended = lambda points, **more: [line for line in said(points, **more) if "`--set" in line]
+    scene, fine = point("scene", 10.0, 0.2), point("fine", 30.0, 0.04)
+    half, finer = recommended([scene, point("half", 4.0, 0.25), fine])
     assert half.startswith("In half the time") and "dt=half" in half
     assert finer.startswith("Less than half the error") and "dt=fine" in finer and "3 times" in finer
-
-
-def test_another_outcome_is_never_recommended():
-    lines = said([point("scene", 10.0, 0.2), point("half", 4.0, 0.01, outcome=False), point("fine", 30.0, 0.01, False)])
-    assert recommended(lines) == []
-
-
-def test_a_gain_below_the_spread_is_never_recommended():
-    """Errors below it are the same: the cheapest of them is taken for less time, and none for a smaller error."""
-    points = [point("scene", 10.0, 0.2), point("cheap", 1.0, 0.29), point("half", 4.0, 0.25), point("fine", 30.0, 0.04)]
-    (line,) = recommended(said(points, spread=0.3))
+    assert recommended([scene, point("half", 4.0, 0.01, outcome=False), point("fine", 30.0, 0.01, False)]) == []
+    (line,) = recommended([scene, point("cheap", 1.0, 0.29), point("half", 4.0, 0.25), fine], spread=0.3)
     assert line.startswith("In half the time") and "dt=cheap" in line
 
 

@@ -1,6 +1,5 @@
 """`pdvol.wedge` from a script."""
 
-import numpy as np
 import pytest
 
 import pdvol
@@ -27,29 +26,21 @@ def made(scene):
     )
 
 
-def test_a_function_s_variations_are_rows_and_failures_have_reasons(made):
+def test_a_function_s_variations_are_rows_and_failures_have_reasons(made, tmp_path):
     rows = made.table
     assert [row["state"].partition(":")[0] for row in rows] == ["done", "done", "failed", "failed"]
     assert rows[0]["right"] > rows[1]["right"] and "floor" in rows[2]["state"]
     assert rows[0]["velocity"] == "(0.6,0.0)" and rows[0]["height"] == "0.02" and rows[0]["cluster"] == "group A"
-    assert made.run(rows[0]["number"]).levels[0].steps == STEPS + 1
+    run = made.pick(rows[0]["number"], tmp_path / "picked", to=1)
+    assert [level.steps for level in run.levels] == [STEPS + 1] * 2
+    assert states(run.path, 0) == states(made.run(rows[0]["number"]).path, 0)
+    page = made._repr_html_()
+    assert page.count("<img") == 2 and page.count("<tr>") == 5 and "floor" in page, "a picture for each run"
+    assert len(made.sheet().convert("RGB").getcolors(1 << 20)) > 20
     with pytest.raises(pdvol.InputError, match="failed"):
         made.run(rows[3]["number"])
     with pytest.raises(pdvol.InputError, match="no variation 9"):
         made.run(9)
-
-
-def test_a_notebook_gets_a_picture_for_each_run(made):
-    page = made._repr_html_()
-    assert page.count("<img") == 2 and page.count("<tr>") == 5 and "floor" in page
-    assert len(np.unique(np.asarray(made.sheet()).reshape(-1, 3), axis=0)) > 20
-
-
-def test_a_picked_run_is_refined(made, tmp_path):
-    number = made.table[0]["number"]
-    run = made.pick(number, tmp_path / "picked", to=1)
-    assert [level.steps for level in run.levels] == [STEPS + 1] * 2
-    assert states(tmp_path / "picked", 0) == states(made.run(number).path, 0)
 
 
 def test_a_file_s_variations_are_those_of_the_function(made, tmp_path):

@@ -28,19 +28,23 @@ def five(tmp_path):
     return [ending(tmp_path / str(i), shift) for i, shift in enumerate(shifts)]
 
 
-def test_distances_are_in_sizes_of_the_body(five):
+def test_groups_are_of_end_states(five, tmp_path):
+    """Distances are in sizes of the body. Runs that ended early are in no group."""
     size = np.linalg.norm(np.ptp(five[0].levels[0].rest, axis=0))
     assert np.linalg.norm(end_state(five[0]) - end_state(five[1])) == pytest.approx(5.0 / size)
-
-
-def test_two_groups(five):
-    assert clusters(five).tolist() == [0, 1, 0, 1, 0]
-    assert clusters(five[::-1]).tolist() == [0, 1, 0, 1, 0]
-
-
-def test_all_alike_are_one_group(five):
-    assert clusters([five[0], five[2], five[4]]).tolist() == [0, 0, 0]
-    assert clusters(five[:1]).tolist() == [0]
+    short = ending(tmp_path / "short", 0.0, stored=1)
+    other = ending(tmp_path / "other", 0.0, mesh=runs.ball(2, 90, (0.0, 0.0)))
+    for chosen, groups in (
+        (five, [0, 1, 0, 1, 0]),
+        (five[::-1], [0, 1, 0, 1, 0]),
+        (five[::2], [0, 0, 0]),
+        (five[:1], [0]),
+        ([five[0], short, five[1], None], [0, -1, 1, -1]),
+        ([five[0], other, five[2]], [0, 1, 0]),
+        ([short], [-1]),
+        ([], []),
+    ):
+        assert clusters(chosen).tolist() == groups
 
 
 def test_poses_of_one_place_are_groups_and_a_ball_has_none(tmp_path):
@@ -51,14 +55,3 @@ def test_poses_of_one_place_are_groups_and_a_ball_has_none(tmp_path):
     balls = [ending(tmp_path / f"ball{i}", end[0], turn=end[1]) for i, end in enumerate(ends)]
     assert clusters(bars).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
     assert clusters(balls).tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
-
-
-def test_runs_that_ended_early_are_in_none(five, tmp_path):
-    short = ending(tmp_path / "short", 0.0, stored=1)
-    assert clusters([five[0], short, five[1], None]).tolist() == [0, -1, 1, -1]
-    assert clusters([short]).tolist() == [-1] and clusters([]).tolist() == []
-
-
-def test_runs_of_other_meshes_are_never_alike(five, tmp_path):
-    other = ending(tmp_path / "other", 0.0, mesh=runs.ball(2, 90, (0.0, 0.0)))
-    assert clusters([five[0], other, five[2]]).tolist() == [0, 1, 0]

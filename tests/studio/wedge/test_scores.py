@@ -75,14 +75,11 @@ def test_upright_is_the_cosine_of_the_turn(tmp_path, dim):
 
 def test_upright_by_an_axis_of_the_shape_counts_the_placement(tmp_path):
     run = made(tmp_path / "run", still, 2, placement={"angle": np.pi})
-    assert upright("a")(run) == pytest.approx(1.0)
-    assert upright("a", axis=(0.0, 2.0))(run) == pytest.approx(-1.0)
+    assert upright("a")(run) == pytest.approx(1.0) and upright("a", axis=(0.0, 2.0))(run) == pytest.approx(-1.0)
     with pytest.raises(InputError, match="must be a direction of 2 numbers"):
         upright("a", axis=(0.0, 1.0, 0.0))(run)
-
-
-def test_up_without_gravity_is_the_ground_s_normal(tmp_path):
-    assert upward(made(tmp_path / "run", still, 3, up=False)).tolist() == [0.0, 0.0, 1.0]
+    lying = made(tmp_path / "lying", still, 3, up=False)
+    assert upward(lying).tolist() == [0.0, 0.0, 1.0], "without gravity it is the ground's normal"
 
 
 def test_lands_in_counts_from_the_box(tmp_path):
@@ -121,12 +118,8 @@ def test_quiet_is_the_speed_of_the_last_tenth(tmp_path):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_largest_stretch_is_that_of_all_times(tmp_path, dim):
-    def motion(x, t, body):
-        stretch = np.ones(dim)
-        stretch[0] += (1 - body) * 0.5 * np.sin(np.pi * t)
-        return turned(x * stretch, t)
-
-    run = made(tmp_path / "run", motion, dim)
+    stretched = lambda t, body: 1.0 + np.eye(dim)[0] * (1 - body) * 0.5 * np.sin(np.pi * t)
+    run = made(tmp_path / "run", lambda x, t, body: turned(x * stretched(t, body), t), dim)
     assert largest_stretch("a")(run) == pytest.approx(1.5)
     assert largest_stretch("b")(run) == pytest.approx(1.0)
     assert chosen_scores(["-largest_stretch()"], None)["-largest_stretch()"](run) == pytest.approx(-1.5)
@@ -161,15 +154,11 @@ def test_meets_bodies_and_obstacles(tmp_path):
         meets("a", "c")(run)
 
 
-def test_unknown_bodies_are_named(tmp_path):
-    run = made(tmp_path / "run", still, steps=2)
+def test_runs_that_ended_early_have_no_end(tmp_path):
+    run = made(tmp_path / "run", falling, stored=8)
     for score in (upright("c"), quiet("c"), lands_in("c", (0, 0), (1, 1)), largest_stretch("c"), first_contact("c")):
         with pytest.raises(InputError, match="there is no body 'c'; there are a, b$"):
             score(run)
-
-
-def test_runs_that_ended_early_have_no_end(tmp_path):
-    run = made(tmp_path / "run", falling, stored=8)
     for score in (upright("a"), lands_in("a", (0, 0), (1, 1)), quiet(), largest_stretch(), meets("a", "b")):
         assert np.isnan(score(run))
     assert np.isnan(first_contact("b")(run))
@@ -178,15 +167,6 @@ def test_runs_that_ended_early_have_no_end(tmp_path):
     centre = ScoredBody.named(run, "a").centre(0)
     assert close_to("a", [0.0], [centre])(run) == pytest.approx(0.0, abs=1e-12)
     assert np.isnan(close_to("a", [0.9], [centre])(run))
-
-
-def test_a_coarser_level_alone(flat_run):
-    run = open_run(flat_run)
-    coarse = at_level(run, 0)
-    assert len(coarse.levels) == 1 and len(run.levels) == 2
-    assert quiet()(coarse) != quiet()(run)
-    with pytest.raises(InputError, match="has no level 7; there are 0 to 1"):
-        at_level(run, 7)
 
 
 SCENE = """
@@ -201,7 +181,7 @@ number = 3
 """
 
 
-def test_scores_as_text(tmp_path):
+def test_scores_are_texts_and_a_coarser_level_has_its_own(tmp_path, flat_run):
     file = tmp_path / "scene.py"
     file.write_text(SCENE)
     run = made(tmp_path / "run", still)
@@ -211,25 +191,21 @@ def test_scores_as_text(tmp_path):
     assert [score(run) for score in scores.values()] == pytest.approx([1.0, 0.0, DT, -DT, -6.0, DT])
     with pytest.raises(InputError, match="ZeroDivisionError: division by zero"):
         chosen_scores(["broken"], file)["broken"](run)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("upright(", "cannot be read"),
-        ("1 + 1", "cannot be read"),
-        ("__import__('os').system('true')", "cannot be read"),
-        ("upright(open('x'))", "ValueError"),
-        ("upright()", "TypeError"),
-        ("nothing", "there is no nothing and scene.py has no such function; the ready scores are upright, lands_in"),
-        ("number", "there is no number"),
-        ("gone.py:mine", "there is no scene file gone.py"),
-        ("mine(1)", "AttributeError"),
-    ],
-)
-def test_texts_that_are_no_scores(tmp_path, text, message):
-    file = tmp_path / "scene.py"
-    file.write_text(SCENE)
-    with pytest.raises(InputError, match=message) as caught:
-        chosen_scores([text], file)
-    assert "\n" not in str(caught.value)
+    run = open_run(flat_run)
+    assert len(at_level(run, 0).levels) == 1 and quiet()(at_level(run, 0)) != quiet()(run)
+    with pytest.raises(InputError, match="has no level 7; there are 0 to 1"):
+        at_level(run, 7)
+    for text, message in {
+        "upright(": "cannot be read",
+        "1 + 1": "cannot be read",
+        "__import__('os').system('true')": "cannot be read",
+        "upright(open('x'))": "ValueError",
+        "upright()": "TypeError",
+        "nothing": "there is no nothing and scene.py has no such function; the ready scores are upright, lands_in",
+        "number": "there is no number",
+        "gone.py:mine": "there is no scene file gone.py",
+        "mine(1)": "AttributeError",
+    }.items():
+        with pytest.raises(InputError, match=message) as caught:
+            chosen_scores([text], file)
+        assert "\n" not in str(caught.value)

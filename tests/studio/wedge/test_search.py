@@ -29,16 +29,13 @@ def sought(score, runs, seed, batch=search.BATCH, **options):
     return points, scores, [len(batch) for batch in batches]
 
 
-def test_finds_the_top_of_a_bowl():
+def test_finds_the_top_of_a_bowl_and_the_same_with_the_same_seed():
     points, scores, _ = sought(bowl, 300, 0)
     assert len(points) == 300 and scores.max() > -1e-4
     assert scores.max() > max(map(bowl, np.random.default_rng(0).random((300, 3))))
-
-
-def test_same_seed_same_search():
     one, other, third = (sought(bowl, 60, seed)[0] for seed in (3, 3, 4))
     np.testing.assert_array_equal(one, other)
-    assert (one != third).any()
+    assert (one != third).any() and np.isnan(sought(lambda point: np.nan, 40, 0)[1]).all(), "it ends where all fail"
 
 
 @pytest.mark.parametrize(
@@ -51,10 +48,6 @@ def test_same_seed_same_search():
 )
 def test_bounds_failures_and_flat_scores(score, runs, seed, least):
     assert np.nanmax(sought(score, runs, seed)[1]) >= least
-
-
-def test_a_search_in_which_all_fail_ends():
-    assert np.isnan(sought(lambda point: np.nan, 40, 0)[1]).all()
 
 
 def test_what_ends_a_search(monkeypatch):

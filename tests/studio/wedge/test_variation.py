@@ -31,15 +31,11 @@ def test_folders_have_names_of_their_own_without_special_characters():
     names = [variation.name for variation in SEVERAL]
     assert len(set(names)) == len(names)
     assert all(set(name) <= set("abcdefghijklmnopqrstuvwxyz0123456789.-_+e") for name in names)
+    one, other = (Variation.of({"dt": dt}) for dt in (1 / 240, math.nextafter(1 / 240, 1.0)))
+    assert [Variation.from_json(each.as_json()) for each in SEVERAL] == SEVERAL
+    assert SEVERAL[1].words(BASE, "0:1")[4:6] == ["--method", "direct"]
+    assert one.name != other.name and one.label() == "dt 0.00416667", "they differ in the last bit"
     assert names[0] == "default" and Variation.of({"surface": "../a b/c.obj"}).name == "surface-..-a-b-c.obj"
-
-
-def test_words_give_the_same_settings_back():
-    for variation in SEVERAL:
-        words = variation.words(BASE, "0:1")
-        settings = parse_settings([words[i + 1] for i, word in enumerate(words) if word == "--set"])
-        assert settings == {**dict(BASE.settings), **dict(variation.changes)}
-        assert Variation.from_json(variation.as_json()) == variation
 
 
 def test_the_duration_stays_when_the_time_step_changes():
@@ -52,6 +48,8 @@ def test_values_keep_their_kind():
     assert number(Relative(0.5)) == 0.5 and number("classic") is None and number(True) is None
     assert times(Pascal(2e4), 0.5) == Pascal(1e4) and value_text(Pascal(1e4)) == "Pascal(10000)"
     assert [times(1 / 240, factor) for factor in (2.0, 0.5)] == [1 / 120, 1 / 480] and times(0.1, 0.1) == 0.01
+    assert short_text("Relative(0.3333333333333333)") == "Relative(0.333333)", "people read six digits"
+    assert short_text("(0.1,0.30000000000000004)") == "(0.1,0.3)" and short_text("cow_2.obj") == "cow_2.obj"
     assert value_text(Relative(1e-3)) == "Relative(0.001)" and value_text((0.5, 1)) == "(0.5,1)"
 
 
@@ -75,13 +73,3 @@ def test_a_value_travels_to_the_last_bit(value):
     words = variation.words(Base(Path("scene.py"), (("y", value),), 1.0, 0.1), "0:0")
     assert parse_settings(words[-1:])["x"] == plain and parse_settings([words[-3]])["y"] == plain
     assert Variation.from_json(variation.as_json()) == variation
-
-
-def test_values_that_differ_in_the_last_bit_are_two_variations():
-    one, other = (Variation.of({"dt": dt}) for dt in (1 / 240, math.nextafter(1 / 240, 1.0)))
-    assert one.name != other.name and Variation.of({"dt": 1 / 240}).label() == "dt 0.00416667"
-
-
-def test_people_read_six_digits():
-    assert short_text("Relative(0.3333333333333333)") == "Relative(0.333333)"
-    assert short_text("(0.1,0.30000000000000004)") == "(0.1,0.3)" and short_text("cow_2.obj") == "cow_2.obj"

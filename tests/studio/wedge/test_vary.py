@@ -13,25 +13,28 @@ def changes(*words, **options):
     return [dict(variation.changes) for variation in chosen_variations(parsed_varies(words, TAKEN), **options)]
 
 
-def test_a_range_has_its_ends_and_values_as_a_command_line_writes_them():
-    values = parse_vary("offset=-0.1:0.1:9").values
-    assert values == (-0.1, -0.075, -0.05, -0.025, 0, 0.025, 0.05, 0.075, 0.1)
+def test_ranges_and_lists_are_read_as_settings_are():
+    for text, values in {
+        "offset=-0.1:0.1:9": (-0.1, -0.075, -0.05, -0.025, 0.0, 0.025, 0.05, 0.075, 0.1),
+        "x=123456789:123456791:3": (123456789, 123456790, 123456791),
+        "n=1:5:5": (1, 2, 3, 4, 5),
+        "offset=0.1:-0.1:2": (0.1, -0.1),
+        "spin=0,2,4": (0, 2, 4),
+        "velocity=(0,1),(2.5,3)": ((0, 1), (2.5, 3)),
+        "surface=cow.obj,spot.obj": ("cow.obj", "spot.obj"),
+        "dhat=Relative(1e-3),0.01": (Relative(1e-3), 0.01),
+        "file=a:b": ("a:b",),
+    }.items():
+        assert repr(parse_vary(text).values) == repr(values)
     assert parse_vary(f"dt={1 / 240!r}:{1 / 60!r}:4").values[::3] == (1 / 240, 1 / 60)
-    assert repr(parse_vary("x=123456789:123456791:3").values) == "(123456789, 123456790, 123456791)"
-    assert parse_vary("n=1:5:5").values == (1, 2, 3, 4, 5)
-    assert parse_vary("offset=0.1:-0.1:2").values == (0.1, -0.1)
+    assert parse_vary("time=12:30").ends == (12.0, 30.0)
 
 
-def test_lists_are_read_as_settings_are():
-    assert parse_vary("spin=0,2,4").values == (0, 2, 4)
-    assert parse_vary("velocity=(0,1),(2.5,3)").values == ((0, 1), (2.5, 3))
-    assert parse_vary("surface=cow.obj,spot.obj").values == ("cow.obj", "spot.obj")
-    assert parse_vary("dhat=Relative(1e-3),0.01").values == (Relative(1e-3), 0.01)
-    assert parse_vary("time=12:30").ends == (12.0, 30.0) and parse_vary("file=a:b").values == ("a:b",)
-
-
-def test_several_make_a_grid():
+def test_several_make_a_grid_and_jitter_differs_in_each_variation():
     assert changes("a=1,2", "b=0:1:3") == [{"a": a, "b": b} for a in (1, 2) for b in (0, 0.5, 1)]
+    assert changes(sample=3, jitter=0.01) == [{"jitter": (0.01, n)} for n in range(3)]
+    assert changes("a=1,2", jitter=0.5) == [{"a": 1, "jitter": (0.5, 0)}, {"a": 2, "jitter": (0.5, 1)}]
+    assert sorted(entry["a"] for entry in changes("a=1,2,3", sample=50)) == [1, 2, 3], "each value once"
 
 
 def test_a_sample_fills_the_ranges_evenly_and_a_larger_one_begins_with_it():
@@ -42,15 +45,6 @@ def test_a_sample_fills_the_ranges_evenly_and_a_larger_one_begins_with_it():
     chance = np.random.default_rng(0).random((64, 2))
     assert qmc.discrepancy(np.clip(points, 0, 1)) < 0.5 * qmc.discrepancy(chance)
     assert 24 <= sum(entry["c"] == "x" for entry in found) <= 40
-
-
-def test_jitter_differs_in_each_variation():
-    assert changes(sample=3, jitter=0.01) == [{"jitter": (0.01, n)} for n in range(3)]
-    assert changes("a=1,2", jitter=0.5) == [{"a": 1, "jitter": (0.5, 0)}, {"a": 2, "jitter": (0.5, 1)}]
-
-
-def test_a_sample_of_a_list_has_each_value_once():
-    assert sorted(entry["a"] for entry in changes("a=1,2,3", sample=50)) == [1, 2, 3]
 
 
 @pytest.mark.parametrize(
