@@ -21,9 +21,7 @@ TINY = float(np.finfo(float).tiny)  # stands for a force of zero in a quotient
 
 
 def is_finite(values: np.ndarray) -> bool:
-    """Whether all values are finite. Their squares' sum is found sooner than each is asked, and is not, where one is
-    not.
-    """
+    """Whether all values are finite; the sum of their squares shows it sooner than each of them."""
     return isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())
 
 
