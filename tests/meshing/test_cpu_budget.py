@@ -17,7 +17,6 @@ from pdvol.meshing import cpu_budget, tetrahedralise
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch, check_budget
 from pdvol.meshing.edge_length import MAX_ATTEMPTS, SizedMesh, mesh_of_target_size
-from pdvol.meshing.readers import read_in_child_process
 from pdvol.processes import processor_use
 from pdvol.runs.mending import mend_file
 from pdvol.runs.mesh_hierarchy import write_hierarchy
@@ -27,10 +26,6 @@ from pdvol.runs.shape_check import check_meshes
 def endless(*_given) -> None:
     while True:
         pass
-
-
-def asleep() -> None:
-    time.sleep(1e6)
 
 
 def pause(seconds: float) -> np.ndarray:
@@ -65,12 +60,6 @@ def test_a_mesher_ends_with_the_budget_of_its_command():
     with pytest.raises(BudgetSpent, match=said), cpu_budget.cpu_budget(seconds=0.5), Child() as child:
         child.call("mesher", endless, cpu_seconds=60.0)
     assert time.process_time() - before < 0.5, "it was the child's time"
-
-
-def test_a_mesher_that_waits_for_ever_is_ended(monkeypatch):
-    monkeypatch.setattr(cpu_budget, "IDLE_LOOKS", 2)
-    with Child() as child, pytest.raises(ProcessStopped, match="mesher waits for something that never comes"):
-        child.call("mesher", asleep, cpu_seconds=60.0)
 
 
 def test_this_process_and_calls_that_have_ended_count():
@@ -119,12 +108,6 @@ def test_every_command_on_a_mesh_has_a_budget(tmp_path, monkeypatch, large_file,
     assert "\n" not in message and not (tmp_path / "out").exists()
 
 
-def test_a_reader_ends_with_the_budget(tmp_path):
-    (tmp_path / "any.obj").write_text("v 0 0 0\n")
-    with pytest.raises(BudgetSpent, match="any.obj: not done within the 0.5 s"), cpu_budget.cpu_budget(seconds=0.5):
-        read_in_child_process(tmp_path / "any.obj", endless)
-
-
 def test_a_child_takes_the_lower_one_of_its_limits():
     """A user may not raise the hard limit of a parent: the child has what is left of it, not a failure."""
     program = """
@@ -143,7 +126,7 @@ for seconds in (60, 5):
 
 def test_a_mesher_may_wait_and_its_end_is_named():
     with Child() as child:
-        assert child.call("mesher", pause, 2.5, cpu_seconds=2.0).tolist() == [0, 1, 2]
+        assert child.call("mesher", pause, 1.3, cpu_seconds=1.0).tolist() == [0, 1, 2]
         with pytest.raises(ProcessStopped, match="mesher used up its 1 s of processor time"):
             child.call("mesher", endless, cpu_seconds=1.0)
     with Child() as child, pytest.raises(MeshError, match=r"mesher crashed \(SIGSEGV\)") as caught:
