@@ -113,6 +113,7 @@ def test_faces_come_from_an_obj_a_surface_or_an_array(tmp_path):
         (lambda path: PointCache(FRAMES, times=(0.0, 1.0)), "2 times and 4 frames"),
         (lambda path: PointCache(FRAMES, times=(0.0, 1.0, 1.0, 2.0)), "ascend"),
         (lambda path: PointCache(FRAMES[0], fps=24.0), "shape"),
+        (lambda path: PointCache(FRAMES * np.nan, fps=24.0), "NaN or infinity in frame 0"),
         (lambda path: PointCache(FRAMES, fps=0.0), "positive"),
         (lambda path: PointCache(FRAMES, fps=1.0, faces=[[0.5, 1.0, 2.0]]), "whole numbers"),
         (lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=[[0, 1, 5]])), "5 points, .* use number 5"),

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hostile_files import shifted, together
 from pdvol import meshes
 from pdvol.errors import MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
@@ -55,17 +56,10 @@ def test_300_vertices_of_shared_surfaces(name):
 
 
 def test_two_parts_stay_two():
-    a, b = meshes.box(), meshes.box()
-    both = Surface(
-        np.vstack([a.vertices, b.vertices + [1.05, 0, 0]]), np.vstack([a.triangles, b.triangles + len(a.vertices)])
-    )
-    mesh = tetrahedralise(both, 150)
+    cube = meshes.box()
+    mesh = tetrahedralise(Surface(*together(shifted(cube, 0.0), shifted(cube, (1.05, 0, 0)))), 150)
     sides = mesh.points[mesh.cells][:, :, 0] < 0.525
     assert (sides.all(axis=1) | ~sides.any(axis=1)).all(), "no cell bridges the gap"
-
-
-def test_an_inside_out_surface_is_refused():
-    cube = meshes.box()
     with pytest.raises(MeshError, match="encloses no volume"):
         tetrahedralise(Surface(cube.vertices, cube.triangles[:, ::-1]), 50)
 
