@@ -57,10 +57,3 @@ def test_each_verb_loads_what_it_needs(whole, tmp_path):
     for (line, (code, needed, spared)), (its, *loaded) in zip(lines.items(), found, strict=True):
         assert int(its) == code, line
         assert needed <= set(loaded) and not spared & set(loaded), line
-
-
-def test_python_m_pdvol_is_the_command(tmp_path):
-    command = [sys.executable, "-m", "pdvol", "info", "gone.py"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr == "pdvol: there is no scene file gone.py\n"
