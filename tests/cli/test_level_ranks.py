@@ -13,7 +13,7 @@ import pytest
 import runs
 from cli_scenes import pdvol, pdvol_on_ranks, states
 from commands import SAFETY, WITHOUT_PICTURE
-from on_ranks import results_on
+from on_ranks import lives, results_on
 from pdvol import open_run
 from pdvol.runs import launcher
 
@@ -114,14 +114,6 @@ def test_a_killed_rank_ends_all_with_one_line(victim, scene, on_one, tmp_path):
     assert open_run(out).levels[0].steps >= 6
 
 
-def lives(process):
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
 def test_a_run_goes_on_with_as_many_ranks_or_others(scene, on_one, level_0_on_two, tmp_path):
     """On as many as before to the last bit, as far as there are cores."""
     out = shutil.copytree(level_0_on_two, tmp_path / "run")
@@ -188,6 +180,8 @@ def test_as_many_ranks_as_pay_and_are_free(vertices, wanted, before, idle, expec
     monkeypatch.setattr(launcher, "cores", lambda: 16)
     monkeypatch.setattr(launcher, "launcher", lambda: "mpirun")
     assert launcher.chosen_ranks(vertices, wanted, before) == expected
+    monkeypatch.setenv("PMIX_RANK", "0")  # a rank starts no ranks
+    assert launcher.chosen_ranks(10**6, None) == 1
 
 
 def test_a_launcher_of_another_mpi_is_not_taken(tmp_path, monkeypatch):
@@ -199,11 +193,6 @@ def test_a_launcher_of_another_mpi_is_not_taken(tmp_path, monkeypatch):
         assert launcher.launcher.__wrapped__() is None, "it cannot be executed"
         (tmp_path / name).chmod(0o755)
         assert launcher.launcher.__wrapped__() == (str(tmp_path / name) if name == "mpiexec" else None)
-
-
-def test_a_rank_starts_no_ranks(monkeypatch):
-    monkeypatch.setenv("PMIX_RANK", "0")
-    assert launcher.chosen_ranks(10**6, None) == 1
 
 
 def test_under_mpirun_there_are_ranks_already(scene, tmp_path):

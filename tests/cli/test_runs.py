@@ -135,7 +135,7 @@ def test_check(scene, tmp_path, capsys):
     assert "not sound" in capsys.readouterr().out
     write(tmp_path / "cube.off", CUBE_OFF)
     assert pdvol("check", tmp_path / "cube.off") == 0
-    assert "surface of 8 vertices, 12 triangles, sound" in capsys.readouterr().out
+    assert "from (0, 0, 0) to (1, 1, 1) m, surface of 8 vertices, 12 triangles, sound" in capsys.readouterr().out
 
 
 def test_hierarchy(tmp_path, capsys):

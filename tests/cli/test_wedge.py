@@ -179,6 +179,9 @@ def test_a_picked_variation_is_refined_as_a_run_of_its_settings(folder, tmp_path
     assert len(open_run(folder / "w" / "1").levels) == 1, "the wedge is as before"
     assert pdvol("pick", folder / "w", 0, "-o", tmp_path / "picked") == 2
     assert "another run" in capsys.readouterr().err
+    with (folder / "fall.py").open("a") as scene:
+        scene.write("# edited\n")
+    assert pdvol(*words[:3], "--refine", "--to", 0, "-o", tmp_path / "edited") == 0
 
 
 def test_a_refined_variation_of_a_wedge_of_0_3_is_scored_on_level_0(folder, tmp_path, capsys):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cli_scenes import pdvol, write
-from pdvol import InputError, march, open_run
+from pdvol import InputError, march
 from pdvol.runs.scene_file import load_shot
 
 SCENE = """
@@ -43,11 +43,6 @@ def scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "cow.obj", OBJ)
     return write(tmp_path / "scene.py", SCENE)
-
-
-def test_steps_are_a_setting(scene, tmp_path):
-    assert pdvol("preview", scene, "--set", "steps=1", "--no-picture", "--out", tmp_path / "run") == 0
-    assert open_run(tmp_path / "run").info["steps"] == 1
 
 
 def test_too_few_vertices_are_refused_at_once_and_leave_an_earlier_preview(scene, tmp_path, capsys):
@@ -91,14 +86,3 @@ def test_a_law_with_a_wrong_sign_is_refused(tmp_path):
         list(march(load_shot(write(tmp_path / f"right{len(sign)}.py", LAW.format(sign=sign))).scene))
     with pytest.raises(InputError, match=r"Law\.psi has no minimum near F = I"):
         next(march(load_shot(write(tmp_path / "wrong.py", LAW.format(sign="-"))).scene))
-
-
-def test_a_mesh_is_described_by_its_box(scene, capsys):
-    assert pdvol("check", scene.parent / "cow.obj") == 0
-    assert "from (0, 0, 0) to (1, 1, 1) m, surface of 4 vertices" in capsys.readouterr().out
-
-
-def test_a_pick_is_refined_after_an_edit_of_its_scene(scene, tmp_path):
-    assert pdvol("wedge", scene, "--vary", "dt=0.01,0.02", "--no-picture", "-o", tmp_path / "w") == 0
-    write(scene, SCENE + "# edited\n")
-    assert pdvol("pick", tmp_path / "w", 1, "--refine", "--to", 0, "-o", tmp_path / "picked") == 0
