@@ -87,11 +87,6 @@ def test_forces_balance():
     assert step.report.contacts > 0 and np.abs(step.forces["friction"]).max() > 0.0
 
 
-def next_point(x, v, dt, hand, rate):
-    end = (x + dt * v + (dt * rate) ** 2 * hand) / (1.0 + (dt * rate) ** 2)
-    return end, (end - x) / dt
-
-
 def test_an_own_term_may_begin_to_move_what_rests():
 
     class Late(own_parts.Hand):

@@ -12,7 +12,6 @@ import time
 import numpy as np
 import pytest
 
-import pdvol
 from cli_scenes import CUBE_OFF, FALL
 from cli_scenes import pdvol as pdvol_command
 from commands import SAFETY
@@ -214,18 +213,6 @@ def test_the_output_of_check_is_the_same_whatever_lasts(shot, monkeypatch, capfd
     assert stage_names(first[1]) == [] and "checking level 1" in stage_names(first[2])
     assert "meshing body 'cube', level 1" in stage_names(first[2])
     assert not any("meshing" in name for name in stage_names(second[2]))
-
-
-def test_pdvol_run_shows_stages_with_its_progress_only(monkeypatch, capsys):
-    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
-    corners = Outline(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]))
-    scene = Scene(bodies=(Body(corners, NeoHookean(1e5), vertices=(30,), name="plate"),), dt=0.01, steps=1)
-    pdvol.run(scene, progress=True)
-    shown = capsys.readouterr()
-    assert "preparing level 0" in stage_names(shown.err) and shown.out == ""
-    pdvol.run(scene, progress=lambda record: None)
-    pdvol.run(scene)
-    assert capsys.readouterr() == ("", "")
 
 
 # ---- commands on stored runs
