@@ -13,14 +13,11 @@ import pyvista
 from mpi4py import MPI
 
 from cli_scenes import pdvol
+from hostile_files import POINTS, SHELL, TETS
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape, read_with_notes
 from pdvol.meshing.validate import check_solid, check_surface
-
-POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
-TETS = np.array([[0, 1, 2, 3], [1, 4, 2, 3]])
-SHELL = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 
 
 def labels(solid) -> dict[int, int]:

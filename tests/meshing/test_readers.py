@@ -7,44 +7,25 @@ import meshio
 import numpy as np
 import pytest
 
+from hostile_files import POINTS, SHELL, TETS, sound_file, write_cells
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape, read_with_notes
 from pdvol.meshing.validate import check_solid, check_surface
 
 SHARED = Path(__file__).parents[2].parent / "shared"
-POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
-SHELL = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-TETS = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])
-LABEL = {".msh": "gmsh:physical", ".mesh": "medit:ref", ".vtk": "material", ".vtu": "material", ".xdmf": "region"}
-
-
-def write(path, points, cells, labels=None):
-    data = {} if labels is None else {LABEL[path.suffix]: [np.asarray(labels, dtype=np.int32)]}
-    if path.suffix == ".msh" and labels is not None:
-        data["gmsh:geometrical"] = data["gmsh:physical"]
-    more = {"file_format": "gmsh22"} if path.suffix == ".msh" else {}
-    meshio.Mesh(points, [cells], cell_data=data).write(path, **more)
-    return path
-
-
-def small(folder, suffix):
-    """A small sound file of a kind."""
-    if suffix in SURFACES:
-        return write(folder / f"a{suffix}", POINTS[:4], ("triangle", SHELL))
-    return write(folder / f"a{suffix}", POINTS, ("tetra", TETS), [3, 8])
 
 
 @pytest.mark.parametrize("suffix", SURFACES + VOLUMES)
 def test_each_kind_is_read_with_its_regions_and_without_its_byte_order_mark(tmp_path, suffix):
-    path = small(tmp_path, suffix)
+    path = sound_file(tmp_path, suffix)
     plain = read_shape(str(path))
     if suffix in SURFACES:
         assert isinstance(plain, Surface) and plain.vertices.shape == (4, 3), "STL corners are merged"
         check_surface(plain)
     else:
         assert isinstance(plain, Solid) and plain.vertices.shape == (5, 3) and plain.regions.tolist() == [3, 8]
-        check_solid(Solid(plain.vertices, plain.cells[:1], plain.regions[:1]))
+        check_solid(plain)
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     marked = read_shape(path)
     for name in ("vertices", "triangles" if suffix in SURFACES else "cells"):
@@ -54,7 +35,7 @@ def test_each_kind_is_read_with_its_regions_and_without_its_byte_order_mark(tmp_
         path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
         assert len(read_shape(path).triangles) == len(plain.triangles)
     if suffix in VOLUMES and suffix != ".mesh":
-        flat = read_shape(write(tmp_path / f"b{suffix}", POINTS[:3], ("triangle", SHELL[:1, ::-1]), [4]))
+        flat = read_shape(write_cells(tmp_path / f"b{suffix}", POINTS[:3], ("triangle", SHELL[:1, ::-1]), [4]))
         assert isinstance(flat, Solid) and flat.vertices.shape == (3, 2) and flat.regions.tolist() == [4]
 
 
@@ -89,7 +70,7 @@ def test_missing_unknown_and_empty(tmp_path, capfd):
 
 @pytest.mark.parametrize("suffix", SURFACES + VOLUMES)
 def test_garbage_and_truncated_files(tmp_path, suffix, capfd):
-    path = small(tmp_path, suffix)
+    path = sound_file(tmp_path, suffix)
     whole = path.read_bytes()
     capfd.readouterr()
     shares = (0.55,) if suffix in (".vtk", ".vtu") else (0.06, 0.2, 0.55)  # VTK begins a process of its own
