@@ -48,11 +48,6 @@ def test_runs_are_sound(made, name):
         assert np.abs(ends[0][1] - ends[1][1]).max() > 1e-7
 
 
-def test_the_first_step_of_bdf2_is_one_of_implicit_euler(made):
-    for level, its in zip(open_run(made("direct")).levels, open_run(made("direct_euler")).levels, strict=True):
-        np.testing.assert_array_equal(level.positions(1), its.positions(1))
-
-
 @pytest.mark.parametrize(
     ("name", "level", "step"),
     [

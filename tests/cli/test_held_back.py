@@ -39,7 +39,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_nothing_is_crossed_at_the_real_positions(folder):
+def test_nothing_is_crossed_at_the_real_positions(folder, capfd):
     run = open_run(folder / "whole")
     assert verify_run(folder / "whole") == []
     for level in run.levels:
@@ -55,6 +55,10 @@ def test_nothing_is_crossed_at_the_real_positions(folder):
         np.testing.assert_allclose(level.placed(run.obstacles, 1)[1].plane(1)[0], (0.0, 1.2 - 8.0 * 0.02), atol=1e-12)
     # Where the script has the plate by now it would have gone through the block.
     assert run.obstacles[1].plane(10)[0][1] < 0.0
+    assert pdvol("info", folder / "whole") == 0
+    told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
+    assert [line.split(":")[0] for line in told] == ["level 0", "level 1"]
+    assert all("s behind at the end" in line and "first in step" in line for line in told)
 
 
 def test_forces_use_the_real_positions_of_obstacles(folder):
@@ -71,13 +75,6 @@ def test_forces_use_the_real_positions_of_obstacles(folder):
     assert np.isfinite(force).all()
     pressed = level.positions(last["step"])[:, 1] > 1e-6
     assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0
-
-
-def test_info_reports_motions_that_were_held_back(folder, capfd):
-    assert pdvol("info", folder / "whole") == 0
-    told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
-    assert [line.split(":")[0] for line in told] == ["level 0", "level 1"]
-    assert all("s behind at the end" in line and "first in step" in line for line in told)
 
 
 def test_a_resumed_run_gives_the_same_states(folder):

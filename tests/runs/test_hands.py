@@ -80,14 +80,14 @@ def is_sound(seed: int, folder: Path) -> None:
     replayed(one, (folder / "take").rename(folder / "refined"), 1)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_random_takes(seed, tmp_path):
     is_sound(seed, tmp_path)
 
 
 @pytest.mark.slow
 def test_a_thousand_random_takes(tmp_path):
-    for seed in range(4, 1004):
+    for seed in range(3, 1003):
         is_sound(seed, tmp_path / str(seed))
 
 

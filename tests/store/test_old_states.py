@@ -60,7 +60,7 @@ def test_a_conversion_that_is_killed_loses_nothing(old_run, flat_run, tmp_path):
     convert = lambda path: lambda: RunWriter.open(path).close()
     code, operations = ended(convert(shutil.copytree(old_run, tmp_path / "whole")), tmp_path / "whole", 0)
     assert code == 0 < operations
-    for number, deadly in enumerate(np.linspace(1, operations, 12).astype(int)):
+    for number, deadly in enumerate(np.linspace(1, operations, 7).astype(int)):
         path = shutil.copytree(old_run, tmp_path / str(number))
         assert ended(convert(path), path, deadly) == (-signal.SIGKILL, 0)
         assert_same(path, flat_run)
