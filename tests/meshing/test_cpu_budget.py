@@ -11,16 +11,14 @@ import time
 import numpy as np
 import pytest
 
+from cli_scenes import pdvol
 from pdvol import meshes
-from pdvol.errors import InputError, MeshError
+from pdvol.errors import MeshError
 from pdvol.meshing import cpu_budget, tetrahedralise
 from pdvol.meshing.child_process import Child
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch, check_budget
 from pdvol.meshing.edge_length import MAX_ATTEMPTS, SizedMesh, mesh_of_target_size
 from pdvol.processes import processor_use
-from pdvol.runs.mending import mend_file
-from pdvol.runs.mesh_hierarchy import write_hierarchy
-from pdvol.runs.shape_check import check_meshes
 
 
 def endless(*_given) -> None:
@@ -80,32 +78,22 @@ def test_this_process_and_calls_that_have_ended_count():
 
 def test_a_process_that_waits_is_told_from_one_that_works():
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
-        try:
-            time.sleep(0.5)
-            assert processor_use(busy.pid)[0] > 0.0
-            Watch(busy.pid).check("mesher")
-        finally:
-            busy.kill()
-    assert processor_use(busy.pid) == (0.0, False), "it is no longer there"
+        time.sleep(0.5)
+        used = processor_use(busy.pid)[0]
+        Watch(busy.pid).check("mesher")
+        busy.kill()
+    assert used > 0.0 and processor_use(busy.pid) == (0.0, False), "it is no longer there"
 
 
 @pytest.mark.parametrize("command", ["check", "hierarchy", "repair"])
-def test_every_command_on_a_mesh_has_a_budget(tmp_path, monkeypatch, large_file, command):
+def test_every_command_on_a_mesh_has_a_budget(tmp_path, monkeypatch, large_file, capfd, command):
     monkeypatch.setattr(cpu_budget, "INPUT_SECONDS", 0.2)
     monkeypatch.setattr(cpu_budget, "SECONDS_PER_VERTEX", 0.0)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    if command == "check":
-        (entry,) = check_meshes([large_file])["files"]
-        message = entry["message"]
-    else:
-        with pytest.raises(InputError) as caught:
-            if command == "hierarchy":
-                write_hierarchy(large_file, (100, 300), tmp_path / "out")
-            else:
-                mend_file(large_file, tmp_path / "mended.obj", 1e-8, 1.0, 1e-3)
-        message = str(caught.value)
-    assert "not done within the 0.2 s of processor time" in message
-    assert "\n" not in message and not (tmp_path / "out").exists()
+    more = {"check": (), "hierarchy": ("--levels", "100,300", "-o", "out"), "repair": ("-o", "out.obj")}
+    monkeypatch.chdir(tmp_path)
+    assert pdvol(command, large_file, *more[command]) == 2
+    lines = [line for line in "".join(capfd.readouterr()).splitlines() if "not done within the 0.2 s of" in line]
+    assert len(lines) == 1 and not list(tmp_path.iterdir()), lines
 
 
 def test_a_child_takes_the_lower_one_of_its_limits():
