@@ -89,13 +89,9 @@ def pressed(tmp_path_factory):
     return made
 
 
-OTHER = {"obstacle": "pushed=4", "support": "led=-1"}
-
-
-@pytest.mark.parametrize("which", OTHER)
-def test_motions_may_differ_from_that_step_on(pressed, which):
+@pytest.mark.parametrize(("which", "word"), [("obstacle", "pushed=4"), ("support", "led=-1")])
+def test_motions_may_differ_from_that_step_on(pressed, which, word):
     """Up to the step it is the old run, and from there on the run that has the other motion from the start."""
-    word = OTHER[which]
     assert branch(pressed, f"new_{which}", "--set", word) == 0
     assert run(pressed, f"straight_{which}", "--set", word) == 0
     for level in (0, 1):
