@@ -77,21 +77,6 @@ def test_each_level_of_a_thin_body_is_noted_where_it_is_one_cell_thick(check):
     assert [note.split(":")[1].strip() for note in noted] == ["level 0", "level 1"]
 
 
-def test_the_worst_cells_come_first(check):
-    text = TWO.replace(
-        "(square(2), square(3))",
-        "tuple(Solid(square(n).vertices ** (1.0, 3.0), square(n).cells, square(n).regions) for n in (2, 3))",
-    )
-    _, lines, found = check(text, "--set", "apart=1.5")
-    for entry in found["levels"]:
-        worst = entry["worst_cells"]
-        assert worst == sorted(worst, key=lambda w: w["quality"]) and {w["body"] for w in worst} == {"left"}
-        # The lowest row, flattened to a height of n^-3 over 1/n: cells 0 to n - 1 and their neighbours.
-        n = 2 + entry["level"]
-        assert {w["cell"] % (n * n) for w in worst[:2]} <= set(range(n))
-    assert sum("worst cells (mean ratio)" in line for line in lines) == 2
-
-
 def test_gaps_to_planes_speed_and_stiffness_are_noted(check):
     words = ("--set", "velocity=(30.0, 40.0)", "--set", "young=2e10", "--set", "apart=1.5", "--set", "dhat=0.1")
     _, lines, found = check(TWO, *words)

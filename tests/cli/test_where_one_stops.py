@@ -86,3 +86,9 @@ def test_a_law_with_a_wrong_sign_is_refused(tmp_path):
         list(march(load_shot(write(tmp_path / f"right{len(sign)}.py", LAW.format(sign=sign))).scene))
     with pytest.raises(InputError, match=r"Law\.psi has no minimum near F = I"):
         next(march(load_shot(write(tmp_path / "wrong.py", LAW.format(sign="-"))).scene))
+
+
+def test_a_pick_is_refined_after_an_edit_of_its_scene(scene, tmp_path):
+    assert pdvol("wedge", scene, "--vary", "dt=0.01,0.02", "--no-picture", "-o", tmp_path / "w") == 0
+    write(scene, SCENE + "# edited\n")
+    assert pdvol("pick", tmp_path / "w", 1, "--refine", "--to", 0, "-o", tmp_path / "picked") == 0
