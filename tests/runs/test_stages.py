@@ -62,25 +62,6 @@ def test_stages_nest_and_their_parts_add_up():
     assert len(kept.ended) == 2
 
 
-def test_threads_have_stages_of_their_own():
-    kept, both = Kept(), threading.Barrier(2)
-
-    def work(name):
-        with stage(name):
-            both.wait(SAFETY)
-            say(f"detail of {name}")
-            both.wait(SAFETY)
-
-    with reported_to(kept):
-        threads = [threading.Thread(target=work, args=(name,)) for name in ("a", "b")]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join(SAFETY)
-    found = sorted((s.name, s.detail, len(s.parts)) for s in kept.ended)
-    assert found == [("a", "detail of a", 0), ("b", "detail of b", 0)]
-
-
 def test_a_log_gets_a_line_for_what_took_long_and_none_for_the_rest(monkeypatch):
     monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.1)
     log = io.StringIO()

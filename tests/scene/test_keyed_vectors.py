@@ -20,7 +20,6 @@ from pdvol import (
     Solver,
     meshes,
 )
-from pdvol.scene.fingerprint import describe
 
 RAMP, END = 30.0, 0.2  # gravity grows by this [m/s^3] for so long [s]
 TURNING = Keyed((0.0, 0.1), ((0.0, -10.0, 0.0), (0.0, 0.0, -10.0)))
@@ -129,11 +128,3 @@ def test_a_keyed_activation_is_that_of_a_function():
     points = np.zeros((3, 2))
     for time in (-1.0, 0.0, 0.05, 0.2, 3.0):
         np.testing.assert_allclose(keyed.tension(time, points), asked.tension(time, points) if time >= 0 else 0.0)
-
-
-def test_other_keys_are_another_scene():
-    def scene(last):
-        gravity = Gravity(Keyed((0.0, 0.1), ((0.0, -10.0, 0.0), (0.0, 0.0, last))))
-        return Scene((Body((meshes.brick(),), NeoHookean(1e5)),), 0.01, 2, loads=(gravity,))
-
-    assert describe(scene(-10.0)) == describe(scene(-10.0)) != describe(scene(-9.0))
