@@ -228,7 +228,6 @@ for step in pdvol.march(shot, levels=0, terms=(lambda model, space: Full(),)):
 
 @pytest.mark.mpi
 def test_memory_that_runs_out_on_one_rank_ends_all(tmp_path):
-    """The other ranks would wait for it for ever."""
     mpirun = shutil.which("mpirun") or pytest.skip("there is no mpirun")
     (tmp_path / "full.py").write_text(FULL)
     words = [mpirun, "-n", "2", sys.executable, str(tmp_path / "full.py")]

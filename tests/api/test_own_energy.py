@@ -79,7 +79,6 @@ def test_the_projected_hessian_is_positive_and_adds_to_the_matrix_of_a_form(dim)
 
 @DIMENSIONS
 def test_contact_forces_sum_to_zero_without_obstacles(dim):
-    """Without obstacles the contact forces sum to zero. This holds with friction between the blocks, too."""
     V = touching.space(dim)
     contact = touching.contact(V, obstacles=(), friction=Friction(0.4))
     contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)

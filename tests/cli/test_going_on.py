@@ -130,7 +130,6 @@ def test_a_run_stored_before_there_was_a_choice_of_integrators_resumes(made, tmp
 
 
 def test_levels_and_steps_are_added_later(tmp_path, scene, whole):
-    """With the same settings; other ones are really used."""
     out, words = tmp_path / "run", ("--set", "young=4e4", "--set", "max_halvings=3", "--out", tmp_path / "run")
     assert pdvol("run", scene, "--levels", "0", "--steps", 3, *words) == 0
     run = open_run(out)

@@ -140,7 +140,6 @@ def test_what_fails_on_ranks_is_one_line(scene, tmp_path, capfd):
 
 
 def test_a_launcher_that_fails(scene, tmp_path, capfd, monkeypatch):
-    """A number that was asked for is an error; pdvol's own choice goes on with one rank, and says so."""
     broken = tmp_path / "mpirun"
     broken.write_text("#!/bin/sh\necho ------ >&2\necho 'no slots here' >&2\nexit 1\n")
     broken.chmod(0o755)
@@ -199,7 +198,6 @@ def test_under_mpirun_there_are_ranks_already(scene, tmp_path):
 
 
 def test_a_busy_core_is_not_idle():
-    """The one that this process keeps busy is not counted as another's."""
     assert 1 <= launcher.idle_cores() <= launcher.cores()
 
 

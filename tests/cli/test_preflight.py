@@ -111,9 +111,6 @@ def test_obstacles_that_no_body_reaches_are_noted(check):
 
 
 def test_every_crossing_is_named_and_drawn(check, tmp_path):
-    """The right square reaches into the left one, and both intersect a floor. All defects are reported, not just the
-    first.
-    """
     text = TWO.replace("(0.0, -0.5)", "(0.0, 0.1)")
     code, lines, found = check(text, "--set", "apart=0.9", "-o", "drawn")
     assert code == 2 and lines[-1].startswith("not sound") and not found["sound"]

@@ -126,7 +126,6 @@ def test_without_contact_none_of_it_is_imported(file):
 
 
 def test_nor_in_a_process_that_carries_out_a_wedge(file, tmp_path, monkeypatch):
-    """It has all libraries loaded before a scene is known."""
     listing = "import sys\ndef scene():\n    open('loaded', 'w').write(' '.join(sys.modules))\n"
     (tmp_path / "disc.py").write_text(listing)
     monkeypatch.chdir(tmp_path)

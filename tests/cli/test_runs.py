@@ -54,7 +54,6 @@ def test_what_a_run_leaves(whole):
 
 
 def test_a_process_draws_3d_pictures(final_pictures, tmp_path, monkeypatch):
-    """When it has ended the command draws, the same picture."""
     monkeypatch.setattr(simulation, "cores", lambda: 2)
     write(tmp_path / "drop.py", DROP)
     out, pictures = tmp_path / "run", []

@@ -7,7 +7,6 @@ import pdvol
 from cli_scenes import pdvol as command
 from cli_scenes import states, write
 from pdvol import MeshError, open_run
-from pdvol.compiled import cache_folder
 from pdvol.measure.verify import verify_run
 from pdvol.meshing import build
 from pdvol.meshing.edge_length import SizedMesh, UnreachableCount
@@ -30,11 +29,8 @@ LINE = "pdvol: body 'other', level 2: 110 vertices cannot be had; ask for about 
 
 
 @pytest.fixture
-def scene(tmp_path, monkeypatch):
+def scene(tmp_path, monkeypatch, own_meshes):
     """A scene file. No mesh comes out for 100 to 119 vertices, nor for 190 or more; others are grids."""
-    (tmp_path / "cache" / "pdvol").mkdir(parents=True)
-    (tmp_path / "cache" / "pdvol" / "compiled").symlink_to(cache_folder().parent)  # processes would compile again
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
     def mesher(loops, count, name):
         if 100 <= count < 120 or count > 190:

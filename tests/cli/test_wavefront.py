@@ -73,7 +73,6 @@ def one_after_the_other(scene, tmp_path_factory):
 
 
 def test_levels_are_side_by_side_by_choice(scene, one_after_the_other, tmp_path, monkeypatch):
-    """What is chosen changes how levels are made, and not what they are."""
     asked, marched = [], []
     monkeypatch.setattr(runner, "side_by_side", lambda *given: not asked.append(given))
     march = runner.march_levels

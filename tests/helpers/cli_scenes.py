@@ -67,6 +67,16 @@ if __name__ == "__main__":
 """
 """A brick of 12 vertices, then 45, that falls on a floor."""
 
+CUBE = """
+import pdvol
+from pdvol import Body, Gravity, NeoHookean, Scene
+
+def scene(vertices=(60, 150), steps=2):
+    body = Body("cube.off", NeoHookean(1e4), vertices, name="cube")
+    return Scene((body,), dt=0.01, steps=steps, loads=(Gravity((0.0, 0.0, -9.81)),))
+"""
+"""The cube of a file beside it."""
+
 CUBE_OFF = """OFF
 8 12 0
 0 0 0

@@ -338,7 +338,6 @@ def test_a_flat_mesh_at_one_y_says_how_to_turn_it(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu"])
 def test_voxels_are_not_left_out(tmp_path, suffix):
-    """Beside tetrahedra, too: a body without them would have holes."""
     voxels = pyvista.ImageData(dimensions=(3, 3, 3)).cast_to_unstructured_grid()
     for one in (voxels, voxels.merge(grid(10, TETS), merge_points=False)):
         one.save(tmp_path / f"a{suffix}")

@@ -68,7 +68,6 @@ def cache(tmp_path_factory):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_support_by_place_holds_the_same_face_on_every_level(name, cache):
-    """`np.isclose` holds all vertices of the face, and they lie in its plane."""
     shape, axis, size = SHAPES[name]
     points = place_of(shape)
     support = Support(lambda X: np.isclose(X[:, axis], points[:, axis].min()))

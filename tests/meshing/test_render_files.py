@@ -132,7 +132,6 @@ def test_bad_files_are_refused_in_one_line(tmp_path, read, name, text, said):
 
 
 def test_the_donut_of_the_demo():
-    """Closed, its places at the two angles, and glaze on its upper side alone."""
     surface = meshes.donut_render(0.3, 0.13, 64, 32)
     assert trimesh.Trimesh(surface.vertices, surface.triangles, process=False).is_watertight
     x, y, z = surface.vertices[surface.corners].T

@@ -25,7 +25,6 @@ def saved(folder, surface, weights):
 
 
 def test_faces_edges_and_vertices_can_be_marked():
-    """Points near them belong to the group."""
     group, reach = VertexGroup(BOX, TOP.astype(float), reach=0.1), 0.1 * np.sqrt(14.0)
     X = np.array([[0, 0, 1.5], [0, 0, 1.5 - 0.99 * reach], [0, 0, 1.5 - 1.01 * reach], [0.5, 1.0, 1.5], [0, 0, -1.5]])
     assert group(X).tolist() == [True, True, False, True, False]
@@ -96,7 +95,6 @@ def test_a_surface_of_any_kind_keeps_the_order_of_its_vertices(tmp_path, write):
 
 
 def test_a_pinned_and_a_stiff_part_are_the_same_on_all_levels(tmp_path):
-    """A bar hangs by its end; its other end is a hundred times as stiff."""
     bar = meshes.box((1.0, 0.2, 0.2), (10, 2, 2))
     left, right = (bar.vertices[:, 0] < -0.49).astype(float), (bar.vertices[:, 0] > 0.2).astype(float)
     stiff = Region(NeoHookean(1e7), VertexGroup(bar, right, filled=True))

@@ -294,7 +294,6 @@ QUIET = ("--no-picture", "--no-xdmf")
 
 
 def test_the_command_line_plays_replays_and_refines(tmp_path):
-    """Also while level 1 follows in a process of its own, and where the process of a take was killed."""
     file, take, again = write(tmp_path / "scene.py", FILE), tmp_path / "take", tmp_path / "again"
     takes.put(tmp_path / "state", [HELD])
     play = ("run", file, "--hand-from", tmp_path / "state", "--levels", "0:1", "--wavefront", "--steps", 12, *QUIET)

@@ -13,7 +13,7 @@ import time
 import numpy as np
 import pytest
 
-from cli_scenes import CUBE_OFF, FALL
+from cli_scenes import CUBE, CUBE_OFF, FALL
 from cli_scenes import pdvol as pdvol_command
 from commands import SAFETY
 from pdvol import Body, NeoHookean, Scene, cli
@@ -30,16 +30,6 @@ class Kept:
     def __init__(self):
         self.ended: list[Stage] = []
         self.begin, self.end = lambda one: None, self.ended.append
-
-
-CUBE = """
-import pdvol
-from pdvol import Body, Gravity, NeoHookean, Scene
-
-def scene(steps=2):
-    return Scene(bodies=(Body("cube.off", NeoHookean(1e5), vertices=(60, 150), name="cube"),), dt=0.02, steps=steps,
-                 loads=(Gravity((0.0, 0.0, -9.81)),))
-"""
 
 
 def test_stages_nest_and_their_parts_add_up():

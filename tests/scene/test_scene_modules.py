@@ -102,7 +102,6 @@ def test_a_scene_has_the_modules_beside_it_as_they_are_now(tmp_path, way):
 
 
 def test_modules_of_the_program_itself_stay(tmp_path):
-    """Those that a program has imported before are its own, and no other module is forgotten."""
     (tmp_path / "shot.py").write_text("import helpers, json\nfound = helpers")
     (tmp_path / "helpers.py").touch()
     program = "import sys, json, helpers\nfrom pathlib import Path\nfrom pdvol.runs.scene_modules import load_module\n"
