@@ -50,7 +50,7 @@ SHAPES = {
     # name: (shape, axis across a face at its lowest coordinate, size of the face)
     "bar": (BAR, 0, 0.04),
     "cube": (meshes.box(), 2, 1.0),
-    "comb": (meshes.extrude(COMB, 0.1), 2, None),
+    "comb": (meshes.extrude(meshes.comb(teeth=3), 0.1), 2, None),
     "cylinder": (meshes.cylinder(), 1, None),
     "cut ball": (cut_ball(), 1, None),
     "flat comb": (COMB, 0, np.ptp(COMB.points[np.isclose(COMB.points[:, 0], COMB.points[:, 0].min()), 1])),
