@@ -59,11 +59,15 @@ def shot_of(scene: pdvol.Scene) -> Shot:
     return Shot(None, {}, scene)
 
 
+def simulated(scene: pdvol.Scene, out: Path, last: int = 0, **more) -> None:
+    run_scene(shot_of(scene), out, 0, last, how=Execution(xdmf=False), **more)
+
+
 def replayed(scene: pdvol.Scene, take: Path, levels: int = 0, logs: bool = True) -> None:
     """Asserts that a run from the record of a take has the same states."""
     out = take.with_name(f"{take.name}_again")
     again = replace(scene, hand=Hand(take / RECORD), steps=pdvol.open_run(take).info["steps"])
-    run_scene(shot_of(again), out, 0, levels, how=Execution(xdmf=False))
+    simulated(again, out, levels)
     assert_same_runs(take, out, logs)
 
 
@@ -72,7 +76,7 @@ def is_sound(seed: int, folder: Path) -> None:
     one = scene(2 + seed % 2)
     played = takes.random_take(one, folder / "take", seed, STEPS)
     replayed(one, folder / "take")
-    run_scene(shot_of(played), folder / "take", 0, 1, resume=True, how=Execution(xdmf=False))
+    simulated(played, folder / "take", 1, resume=True)
     run = pdvol.open_run(folder / "take")
     assert verify_run(run.path) == [] and max(record["newton_iterations"] for record in run.levels[0].log) <= MOST
     drift = motion_from_level_0(run)[1]["centre_drifts"]["block"]
@@ -103,9 +107,7 @@ def test_an_interrupted_take_is_whole_and_goes_on(tmp_path):
     takes.put(out.with_suffix(".state"), obstacles={"wall": (-0.1, 0.0)})
     takes.play(one, out, 20, resume=True)
     assert [len(line["pulls"]) for line in lines(out)] == [1] * 12 + [0] * 8
-    run_scene(
-        shot_of(replace(one, hand=Hand(out / RECORD), steps=20)), out, 0, 1, resume=True, how=Execution(xdmf=False)
-    )
+    simulated(replace(one, hand=Hand(out / RECORD), steps=20), out, 1, resume=True)
     (tmp_path / "take_again").rename(tmp_path / "first_again")
     replayed(one, out, 1)
 
@@ -116,7 +118,7 @@ def test_going_on_by_hand_from_a_step(by_hand, tmp_path):
     if by_hand:
         takes.random_take(one, first, 7, STEPS)
     else:
-        run_scene(shot_of(one), first, 0, 0, how=Execution(xdmf=False))
+        simulated(one, first)
     takes.put(out.with_suffix(".state"), [pull(8, (0.3, 0.5))])
     branch_run(player.played(shot_of(one), out, out.with_suffix(".state"), 30), first, 15, out, 0)
     takes.play(one, out, 30, resume=True)
