@@ -9,6 +9,7 @@ from cli_scenes import SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
+from runs import assert_same_runs
 
 PRESS = (
     SQUARE
@@ -81,13 +82,7 @@ def test_a_resumed_run_gives_the_same_states(folder):
     assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--steps", 9) == 0
     assert open_run(folder / "parts").levels[0].log[-1]["behind"] > 0.0
     assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--resume") == 0
-    one, other = open_run(folder / "whole"), open_run(folder / "parts")
-    for a, b in zip(one.levels, other.levels, strict=True):
-        for step in range(11):
-            np.testing.assert_allclose(a.positions(step), b.positions(step), atol=1e-12)
-        for x, y in zip(a.log, b.log, strict=True):
-            assert x["behind"] == pytest.approx(y["behind"], abs=1e-12)
-            assert x["late"] == pytest.approx(y["late"], abs=1e-12)
+    assert_same_runs(folder / "parts", folder / "whole")
 
 
 def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
