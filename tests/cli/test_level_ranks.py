@@ -11,33 +11,12 @@ import numpy as np
 import pytest
 
 import runs
-from cli_scenes import pdvol, pdvol_on_ranks, states
+from cli_scenes import BOUNCE, pdvol, pdvol_on_ranks, states
 from commands import SAFETY, WITHOUT_PICTURE
 from on_ranks import lives, results_on
 from pdvol import open_run
 from pdvol.runs import launcher
 
-SCENE = """
-import sys
-import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Scene, Solver
-from pdvol.meshes import disc
-
-print("loaded")
-
-def gravity(t):
-    if t > fails and sys.argv[0].endswith("level_processes.py"):  # the check before the run calls it, too
-        raise ValueError("no gravity any more")
-    return (0.0, -9.81)
-
-def scene(steps=8, until=1e9):
-    global fails
-    fails = until
-    ball = Body(disc(0.5), NeoHookean(5e4), vertices=(60, 120), velocity=(0.5, -3.0))
-    return Scene(bodies=(ball,), dt=0.01, steps=steps, loads=(Gravity(gravity),),
-                 obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)),
-                 solver=Solver(tolerance=1e-4))
-"""
 pytestmark = [pytest.mark.mpi, pytest.mark.skipif(launcher.launcher() is None, reason="there is no mpirun")]
 ENDED = 10.0  # seconds within which all have to end after one rank was killed
 
@@ -45,7 +24,7 @@ ENDED = 10.0  # seconds within which all have to end after one rank was killed
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     file = tmp_path_factory.mktemp("scenes") / "bounce.py"
-    file.write_text(SCENE)
+    file.write_text(BOUNCE)
     return file
 
 

@@ -8,35 +8,13 @@ import sys
 
 import pytest
 
-from cli_scenes import pdvol, pdvol_on_ranks, states
+from cli_scenes import BOUNCE, pdvol, pdvol_on_ranks, states
 from commands import SAFETY
 from on_ranks import results_on
 from pdvol import open_run
 from pdvol.runs import runner
 from runs import assert_same_runs
 
-SCENE = """
-import sys
-import time
-from pathlib import Path
-import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Scene, Solver
-from pdvol.meshes import disc
-
-def gravity(t):
-    # In the process of level 0 of a wavefront: waits until level 1 runs beside it.
-    program, *words = sys.argv
-    marches = Path(program).name == "level_processes.py" and words[1] == "0"
-    while marches and t > 0.05 and pdvol.open_run(words[0]).levels[1].steps < 2:
-        time.sleep(0.01)
-    return (0.0, -9.81)
-
-def scene(tolerance=1e-3, iterations=200, halvings=6):
-    ball = Body(disc(0.5), NeoHookean(5e4), vertices=(30, 60, 120), velocity=(0.5, -3.0))
-    solver = Solver(tolerance=tolerance, max_iterations=iterations, max_halvings=halvings)
-    return Scene(bodies=(ball,), dt=0.01, steps=14, loads=(Gravity(gravity),),
-                 obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)), solver=solver)
-"""
 DYING = """
 import os, signal, sys
 
@@ -59,7 +37,8 @@ ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     file = tmp_path_factory.mktemp("scenes") / "bounce.py"
-    file.write_text(SCENE)
+    three = BOUNCE.replace("(60, 120), steps=8", "(30, 60, 120), steps=14").replace("beside=False", "beside=True")
+    file.write_text(three)
     return file
 
 
