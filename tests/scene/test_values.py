@@ -171,6 +171,9 @@ def test_reprs_are_one_short_line():
     for element in elements:
         assert "\n" not in repr(element) and len(repr(element)) < 400
     assert repr(NeoHookean(everything)) == "NeoHookean(young=everything)"
+    assert repr(SQUARE) == "Solid(vertices=(4, 2), cells=(2, 3))"
+    assert repr(pdvol.meshes.ball(1.0, 1)) == "Surface(vertices=(42, 3), triangles=(80, 3))"
+    assert repr(pdvol.meshes.rectangle(1.0, 1.0)) == "Outline(points=(4, 2))"
     assert repr(many).startswith(
         "Path(times=(0.0, 0.002004008016032064, ..., 1.0: 500 in all), points=((0.0, 0.0, 0.0)"
     )
