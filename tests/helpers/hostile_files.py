@@ -135,6 +135,7 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "negative.mesh": (b"MeshVersionFormatted 2\nDimension 3\nVertices\n-8\n", "negative count"),
     "negative.vtu": (vtu((-5, 2)), "negative count"),
     "stl.obj": (stl(CUBE), "an STL file under the name of an OBJ one; rename it to stl.stl"),
+    "text.obj": (b"solid a\nfacet normal 0 0 1\n", "an STL file under the name of an OBJ one"),
     "gmsh1.msh": (b"$NOD\n4\n1 0 0 0\n$ENDNOD\n", "unreadable or truncated"),
     "binary.off": (b"OFF BINARY\n" + bytes(200), "binary OFF"),
     "vtu.vtk": (vtu(), "a VTU file under the name of a legacy VTK one; rename it to vtu.vtu"),
