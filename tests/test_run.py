@@ -31,41 +31,19 @@ def run(*args, inside=True, env=None, **options):
     return subprocess.run([str(RUN), *map(str, args)], env=env, **options)
 
 
-@pytest.mark.parametrize("status", [0, 1, 7, 255])
-def test_exit_status(status):
-    assert run("sh", "-c", f"exit {status}").returncode == status
-
-
-def test_death_by_signal_is_passed_on():
+def test_status_arguments_streams_environment_and_folder_are_passed_on(tmp_path):
+    for status in (0, 7):
+        assert run("sh", "-c", f"exit {status}").returncode == status
     died = run(sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     assert died.returncode == -signal.SIGKILL
-
-
-def test_arguments_arrive_unchanged():
     words = ["a b", 'it\'s "quoted"', "two\nlines", "", "*", "$HOME", "--", "-x", "ü"]
     assert run(sys.executable, "-c", "import sys; print(ascii(sys.argv[1:]))", *words).stdout.strip() == ascii(words)
-
-
-def test_standard_streams():
-    done = run("sh", "-c", "cat; echo aside >&2", input="hello\n")
-    assert (done.stdout, done.stderr) == ("hello\n", "aside\n")
-
-
-def test_environment_and_folder_are_kept(tmp_path):
-    folder = tmp_path / "with a space"
-    folder.mkdir()
-    link = folder / "link"
-    link.symlink_to(RUN)
+    (folder := tmp_path / "with a space").mkdir()
+    (folder / "link").symlink_to(RUN)
+    words = [folder / "link", "sh", "-c", 'cat; pwd; echo "$PDVOL_WORD" >&2']
     env = {**os.environ, "PDVOL_INSIDE": INSIDE, "PDVOL_WORD": "one two"}
-    done = subprocess.run(
-        [link, "sh", "-c", 'pwd; echo "$PDVOL_WORD"'],
-        cwd=folder,
-        env=env,
-        capture_output=True,
-        text=True,
-        timeout=SAFETY,
-    )
-    assert done.stdout == f"{folder}\none two\n", done.stderr
+    done = subprocess.run(words, cwd=folder, env=env, input="hello\n", capture_output=True, text=True, timeout=SAFETY)
+    assert (done.stdout, done.stderr) == (f"hello\n{folder}\n", "one two\n")
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
@@ -92,24 +70,16 @@ def test_without_a_command_it_says_what_to_do(inside):
     assert done.stderr.count("\n") == 1 and "./run pdvol" in done.stderr
 
 
-def test_unknown_suite():
+def test_what_cannot_be_chosen_or_written_is_one_line(tmp_path):
     done = run("true", inside=False, env={"PDVOL_USE": "", "PDVOL_DEBIAN": "buster"})
     assert done.returncode == 2
     assert done.stderr == "run: PDVOL_DEBIAN=buster is not a suite with dolfinx >= 0.9; choose trixie or sid\n"
-
-
-def test_another_suite_is_not_taken_for_this_one():
-    done = run("true", env={"PDVOL_USE": "", "PDVOL_DEBIAN": "buster"})
-    assert done.returncode == 2
-
-
-def test_a_cache_that_cannot_be_written(tmp_path):
+    assert run("true", env={"PDVOL_USE": "", "PDVOL_DEBIAN": "buster"}).returncode == 2, "it is not taken for this one"
     (tmp_path / "file").touch()
     # Also without the rights or tools for a root, the answer is one plain line.
     env = {"PDVOL_USE": "", "PDVOL_DEBIAN": "forky", "PDVOL_CACHE": str(tmp_path / "file" / "cache")}
     done = run("true", inside=False, env=env)
-    assert done.returncode == 2
-    assert done.stderr.startswith("run: ") and done.stderr.count("\n") == 1
+    assert done.returncode == 2 and done.stderr.startswith("run: ") and done.stderr.count("\n") == 1
 
 
 def script(path, text):
@@ -209,9 +179,6 @@ def test_an_environment_on_a_debian_root_is_taken_without_a_look_at_any_python(m
     done, _ = machine("dolfinx")
     assert machine.log.read_text() == "" and "a Debian root needs more rights" in done.stderr
     assert machine("dolfinx", PDVOL_USE="python")[0].returncode == 0
-
-
-def test_unknown_way(machine):
     done, _ = machine("dolfinx", PDVOL_USE="conda")
     assert (done.returncode, done.stderr) == (2, "run: PDVOL_USE=conda is not a way; choose python, wheel or debian\n")
 

@@ -61,6 +61,9 @@ def test_the_projected_hessian_is_positive_and_adds_to_the_matrix_of_a_form(dim)
     contact, u = touching.contact(V), touching.displaced(V)
     contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
     exact, projected = (sparse(contact.hessian(u, projected)).toarray() for projected in (False, True))
+    plain = PETSc.Vec().createWithArray(u.x.array.copy(), comm=MPI.COMM_WORLD)
+    for of in (contact.energy, contact.min_gap):
+        assert of(plain) == of(u) == of(u.x.petsc_vec) > 0.0, "a vector is as good as a function"
     size = np.abs(projected).max()
     assert np.linalg.eigvalsh(projected)[0] > -1e-10 * size > np.linalg.eigvalsh(exact)[0]
     one, other = ufl.TrialFunction(V), ufl.TestFunction(V)
@@ -75,18 +78,7 @@ def test_the_projected_hessian_is_positive_and_adds_to_the_matrix_of_a_form(dim)
 
 
 @DIMENSIONS
-def test_a_vector_is_as_good_as_a_function(dim):
-    V = touching.space(dim)
-    contact, u = touching.contact(V), touching.displaced(V)
-    contact.begin_step(u, 0.0, 0.01)
-    plain = PETSc.Vec().createWithArray(u.x.array.copy(), comm=MPI.COMM_WORLD)
-    assert contact.energy(plain) == contact.energy(u) == contact.energy(u.x.petsc_vec) > 0.0
-    assert contact.min_gap(plain) == contact.min_gap(u) < touching.DHAT
-
-
-@DIMENSIONS
 def test_contact_forces_sum_to_zero_without_obstacles(dim):
-    """Without obstacles the contact forces sum to zero. This holds with friction between the blocks, too."""
     V = touching.space(dim)
     contact = touching.contact(V, obstacles=(), friction=Friction(0.4))
     contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
@@ -117,17 +109,14 @@ def test_friction_is_coulombs():
     assert "with friction" not in repr(touching.contact(touching.space(2), friction=None))
 
 
-@DIMENSIONS
-def test_the_barriers_stiffness_may_be_in_pascal(dim):
-    V = touching.space(dim)
+def test_the_barriers_stiffness_may_be_in_pascal():
+    V = touching.space(2)
     in_pascal = pdvol.Barrier(dhat=touching.DHAT, stiffness=pdvol.Pascal(3e4))
     one, other = touching.contact(V), touching.contact(V, young=None, barrier=in_pascal)
-    u = touching.displaced(V)
     for contact in (one, other):
         contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
     assert one.kappa == pytest.approx(other.kappa, rel=1e-15) and other.kappa == 3e4
-    assert one.energy(u) == pytest.approx(other.energy(u), rel=1e-12) and one.energy(u) > 0.0
-    assert touching.contact(V, young=7.0, barrier=in_pascal).kappa == 3e4
+    assert one.energy(touching.displaced(V)) == pytest.approx(other.energy(touching.displaced(V)), rel=1e-12)
 
 
 def test_max_step_keeps_blocks_apart():

@@ -7,6 +7,7 @@ import pytest
 
 import runs
 from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
+from pdvol.compiled import cache_folder
 from variants import runs_in
 
 SETTABLE = """
@@ -93,3 +94,11 @@ def refuse(tmp_path, place, capfd, monkeypatch):
 def made(tmp_path_factory):
     """Gives the run of a variant by its name, made once; `made.run` makes others."""
     return runs_in(tmp_path_factory.mktemp("variants"))
+
+
+@pytest.fixture
+def own_meshes(tmp_path, monkeypatch):
+    """An empty cache of meshes. Compiled code stays where it always is: processes would compile it again."""
+    (tmp_path / "cache" / "pdvol").mkdir(parents=True)
+    (tmp_path / "cache" / "pdvol" / "compiled").symlink_to(cache_folder().parent)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

@@ -48,11 +48,6 @@ def test_runs_are_sound(made, name):
         assert np.abs(ends[0][1] - ends[1][1]).max() > 1e-7
 
 
-def test_the_first_step_of_bdf2_is_one_of_implicit_euler(made):
-    for level, its in zip(open_run(made("direct")).levels, open_run(made("direct_euler")).levels, strict=True):
-        np.testing.assert_array_equal(level.positions(1), its.positions(1))
-
-
 @pytest.mark.parametrize(
     ("name", "level", "step"),
     [
@@ -137,7 +132,6 @@ def test_a_run_stored_before_there_was_a_choice_of_integrators_resumes(made, tmp
 
 
 def test_levels_and_steps_are_added_later(tmp_path, scene, whole):
-    """With the same settings; other ones are really used."""
     out, words = tmp_path / "run", ("--set", "young=4e4", "--set", "max_halvings=3", "--out", tmp_path / "run")
     assert pdvol("run", scene, "--levels", "0", "--steps", 3, *words) == 0
     run = open_run(out)

@@ -9,6 +9,7 @@ from cli_scenes import SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
+from runs import assert_same_runs
 
 PRESS = (
     SQUARE
@@ -39,7 +40,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_nothing_is_crossed_at_the_real_positions(folder):
+def test_nothing_is_crossed_at_the_real_positions(folder, capfd):
     run = open_run(folder / "whole")
     assert verify_run(folder / "whole") == []
     for level in run.levels:
@@ -55,6 +56,10 @@ def test_nothing_is_crossed_at_the_real_positions(folder):
         np.testing.assert_allclose(level.placed(run.obstacles, 1)[1].plane(1)[0], (0.0, 1.2 - 8.0 * 0.02), atol=1e-12)
     # Where the script has the plate by now it would have gone through the block.
     assert run.obstacles[1].plane(10)[0][1] < 0.0
+    assert pdvol("info", folder / "whole") == 0
+    told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
+    assert [line.split(":")[0] for line in told] == ["level 0", "level 1"]
+    assert all("s behind at the end" in line and "first in step" in line for line in told)
 
 
 def test_forces_use_the_real_positions_of_obstacles(folder):
@@ -73,24 +78,11 @@ def test_forces_use_the_real_positions_of_obstacles(folder):
     assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0
 
 
-def test_info_reports_motions_that_were_held_back(folder, capfd):
-    assert pdvol("info", folder / "whole") == 0
-    told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
-    assert [line.split(":")[0] for line in told] == ["level 0", "level 1"]
-    assert all("s behind at the end" in line and "first in step" in line for line in told)
-
-
 def test_a_resumed_run_gives_the_same_states(folder):
     assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--steps", 9) == 0
     assert open_run(folder / "parts").levels[0].log[-1]["behind"] > 0.0
     assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--resume") == 0
-    one, other = open_run(folder / "whole"), open_run(folder / "parts")
-    for a, b in zip(one.levels, other.levels, strict=True):
-        for step in range(11):
-            np.testing.assert_allclose(a.positions(step), b.positions(step), atol=1e-12)
-        for x, y in zip(a.log, b.log, strict=True):
-            assert x["behind"] == pytest.approx(y["behind"], abs=1e-12)
-            assert x["late"] == pytest.approx(y["late"], abs=1e-12)
+    assert_same_runs(folder / "parts", folder / "whole")
 
 
 def test_a_motion_that_fails_ends_in_one_line(folder, capfd):

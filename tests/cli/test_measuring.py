@@ -85,18 +85,16 @@ def test_continuity_of_a_direct_run_is_a_quarter(folder, direct, name):
 
 
 def test_metrics_end_with_whether_it_is_the_same_animation(folder, progressive):
+    """It is another one with a body in another place, or on another face."""
     result, out = progressive
+    run = open_run(folder / "progressive")
     entry, line = result["levels"][1], out.splitlines()[-1]
-    assert line == last_animation(open_run(folder / "progressive")) == entry["animation"]
+    assert line == last_animation(run) == entry["animation"]
     apart, turned = entry["centre_drift_from_0"][-1] / np.sqrt(2.0), entry["angle_drift_from_0"][-1]  # of a unit square
     assert line == f"level 1: {100 * apart:.1f} % of the size, {turned:.1f} degrees from level 0: same animation"
-
-
-@pytest.mark.parametrize(("centre", "angle", "same"), [(0.3, 0.0, True), (0.4, 0.0, False), (0.0, 40.0, False)])
-def test_a_body_in_another_place_or_on_another_face_is_another_animation(centre, angle, same, folder):
-    level = open_run(folder / "progressive").levels[1]
-    line = animation_line(level, ["square"], np.array([centre]), np.array([angle]))
-    assert line.endswith("same animation" if same else "another animation ('square')")
+    for centre, angle, end in ((0.3, 0.0, "same animation"), (0.4, 0.0, "another animation ('square')")):
+        assert animation_line(run.levels[1], ["square"], np.array([centre]), np.array([angle])).endswith(end)
+    assert "another animation" in animation_line(run.levels[1], ["square"], np.array([0.0]), np.array([40.0]))
 
 
 def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
@@ -112,27 +110,21 @@ def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
         np.testing.assert_allclose(values[whole], 0.25, rtol=1e-4)
 
 
-def test_roughness_of_levels(folder, progressive):
-    """Of level 0 by hand, and the ratio of each level's root mean square to it; a rough level is named."""
+def test_measures_between_levels(folder, progressive):
+    """Roughness, drifts and distances, by hand; a rough level is named."""
     result, out = progressive
-    level = open_run(folder / "progressive").levels[0]
-    x = np.array([level.positions(n) for n in range(level.steps)])
-    masses = lumped_masses(level.mesh, np.full(len(level.cells), 1e3))
-    squares = np.einsum("v,tvd->t", masses / masses.sum(), np.diff(x, 4, axis=0) ** 2)
+    run = open_run(folder / "progressive")
+    for said in ("method progressive, barycentric prolongation", "rank of P 9 of 9", "metrics.json and metrics.png"):
+        assert said in out
+    assert (folder / "progressive" / "metrics.png").read_bytes()[:4] == b"\x89PNG"
     coarse, fine = result["levels"]
+    x = np.array([run.levels[0].positions(n) for n in range(run.levels[0].steps)])
+    squares = np.einsum("v,tvd->t", masses_of(run.levels[0]), np.diff(x, 4, axis=0) ** 2)
     np.testing.assert_allclose(coarse["roughness"], np.sqrt(squares), rtol=1e-9)
     means = [np.sqrt(np.mean(np.square(entry["roughness"]))) for entry in (coarse, fine)]
     assert coarse["rougher"] == 1.0 and fine["rougher"] == pytest.approx(means[1] / means[0])
     assert f"roughness {means[0]:.3g} m" in out
     assert ("rougher than level 0" in out) == (means[1] > 1.3 * means[0])
-
-
-def test_measures_between_levels(folder, progressive):
-    result, out = progressive
-    for said in ("method progressive, barycentric prolongation", "rank of P 9 of 9", "metrics.json and metrics.png"):
-        assert said in out
-    assert (folder / "progressive" / "metrics.png").read_bytes()[:4] == b"\x89PNG"
-    coarse, fine = result["levels"]
     assert not {"consistency", "distance", "centre_drift", "bodies"} & set(coarse)
     assert fine["projection"] == {"rank": 9, "columns": 9}
     # All start alike; then the fine level lands differently.
@@ -144,18 +136,22 @@ def test_measures_between_levels(folder, progressive):
     assert fine["centre_drift"][-1] < fine["distance"][-1], "bodies' centres are closer than their points"
     (body,) = fine["bodies"]
     assert body["centre_drift"] == fine["centre_drift"] == fine["centre_drift_from_0"]
-    (_, last) = motion_from_level_0(open_run(folder / "progressive"))
+    (_, last) = motion_from_level_0(run)
     assert last["centre_drifts"] == {body["name"]: pytest.approx(body["centre_drift_from_0"][-1], rel=1e-9)}
     assert f"drift from the level below at most {max(fine['centre_drift']):.3g} m" in out
-    run = open_run(folder / "progressive")
     hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
     apart = run.levels[1].positions(STEPS) - hierarchy.prolong(run.levels[0].positions(STEPS), 0, 1)
-    masses = lumped_masses(run.levels[1].mesh, np.full(len(run.levels[1].mesh.cells), 1000.0))
-    assert body["centre_drift"][-1] == pytest.approx(np.linalg.norm(masses @ apart) / masses.sum(), rel=1e-9)
+    assert body["centre_drift"][-1] == pytest.approx(np.linalg.norm(masses_of(run.levels[1]) @ apart), rel=1e-9)
     # e_hat is what the solver left of the equation with the progressive x_hat: little, as the tolerance was tight. With
     # the x_hat of a direct step the quotient would be near one.
     assert fine["summary"]["continuity"]["median"] > 1e6
     assert coarse["summary"]["continuity"]["median"] == pytest.approx(0.25, rel=1e-2)
+
+
+def masses_of(level):
+    """Lumped masses as shares of the whole mass, which is the same in all cells."""
+    masses = lumped_masses(level.mesh, np.ones(len(level.cells)))
+    return masses / masses.sum()
 
 
 def test_against_another_run(folder, direct, progressive, tmp_path, capsys, final_pictures):
@@ -170,10 +166,10 @@ def test_against_another_run(folder, direct, progressive, tmp_path, capsys, fina
     ours, theirs = open_run(folder / "progressive"), open_run(folder / "direct")
     for entry in between:
         level = entry["level"]
-        masses = lumped_masses(ours.levels[level].mesh, np.full(len(ours.levels[level].mesh.cells), 1000.0))
+        masses = masses_of(ours.levels[level])
         apart = ours.levels[level].positions(STEPS) - theirs.levels[level].positions(STEPS)
-        assert entry["distance"][-1] == pytest.approx(np.sqrt(masses @ (apart**2).sum(axis=1) / masses.sum()), rel=1e-9)
-        assert entry["centre_error"][-1] == pytest.approx(np.linalg.norm(masses @ apart) / masses.sum(), rel=1e-9)
+        assert entry["distance"][-1] == pytest.approx(np.sqrt(masses @ (apart**2).sum(axis=1)), rel=1e-9)
+        assert entry["centre_error"][-1] == pytest.approx(np.linalg.norm(masses @ apart), rel=1e-9)
     out = capsys.readouterr().out
     assert "against" in out and "apart: centre of mass" in out
 

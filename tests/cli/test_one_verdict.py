@@ -106,13 +106,11 @@ def test_settings_that_stop_a_run(files, tmp_path, capfd, setting, match):
         assert code == 2 and sum(match in line for line in text.splitlines()) == 1, text
 
 
-LOSSY = ("--set", "count=20", "--set", "integrator=implicit_euler")
-
-
 def test_settings_that_spoil_one_are_noted(files, tmp_path, capfd):
     scene = scene_of(files / "sliver.mesh", tmp_path)
+    lossy = ("--set", "count=20", "--set", "integrator=implicit_euler")
     for spin, words in ((100.0, "turns it by 1 rad a step"), (10.0, "takes 15 % of it within 0.2 s")):
-        code, text = said(capfd, "check", scene, "--measure", 0, "--set", f"spin=(0, 0, {spin})", *LOSSY)
+        code, text = said(capfd, "check", scene, "--measure", 0, "--set", f"spin=(0, 0, {spin})", *lossy)
         assert code == 0 and [line for line in text.splitlines() if "note: body 'body'" in line and words in line], text
 
 

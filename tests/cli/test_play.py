@@ -16,17 +16,14 @@ def shot(tmp_path_factory):
     return folder / "run"
 
 
-def test_a_run_with_both_fields(shot, tmp_path, capsys):
-    out = tmp_path / "shot.html"
-    assert pdvol("play", shot, "-o", out, "--fields", "strain,contact_force") == 0
+def test_runs_with_fields_and_levels(shot, tmp_path, capsys):
+    assert pdvol("play", shot, "--fields", "strain,contact_force") == 0
     said = capsys.readouterr().out.strip()
-    assert said.startswith(f"{out}: 2 panes, 0.") and "\n" not in said
-    page = out.read_text()
+    assert said.startswith(f"{shot / 'player.html'}: 2 panes, 0.") and "\n" not in said
+    page = (shot / "player.html").read_text()
     assert '<option value="strain">' in page and '<option value="contact_force">' in page
     assert "centre" in page and "<title>fall</title>" in page
-
-
-def test_two_runs_and_one_level(shot, tmp_path):
+    (shot / "player.html").unlink()
     assert pdvol("play", shot, shot, "--levels", "1", "-o", tmp_path / "two.html") == 0
     assert (tmp_path / "two.html").read_text().count('"run, level 1"') == 2
 
@@ -39,12 +36,6 @@ def test_a_long_run_is_thinned_in_one_line_unless_all_is_wanted(shot, tmp_path, 
         assert len(said) == 1 + bool(remark) and remark in said[-1]
         every = 3 if not words else words[1]
         assert (f"one state in {every}" in (tmp_path / "shot.html").read_text()) == (every > 1)
-
-
-def test_the_default_is_in_the_first_folder(shot):
-    assert pdvol("play", shot) == 0
-    assert (shot / "player.html").is_file()
-    (shot / "player.html").unlink()
 
 
 def test_a_scene_that_is_gone_leaves_out_contact_forces(shot, tmp_path, capsys):

@@ -22,7 +22,6 @@ def scene(tmp_path):
 
 
 def test_a_preview_replaces_the_one_before_it(scene, tmp_path):
-    """All of it, once the new level is ready; a file of the user stays."""
     out, fresh = tmp_path / "p", tmp_path / "fresh"
     assert pdvol("preview", scene, *SHORT, "-o", out) == 0
     (out / "notes.txt").write_text("mine")

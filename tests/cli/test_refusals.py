@@ -6,100 +6,76 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 
 import pytest
 
 from cli_scenes import CUBE_OFF, SQUARE, write
-from commands import PDVOL, SAFETY
+from commands import SAFETY
 
 COMMANDS = """
 run nowhere.py                                        | there is no scene file nowhere.py
-preview nowhere.py                                    | there is no scene file nowhere.py
 check nowhere.py                                      | there is no scene file nowhere.py
-info nowhere.py                                       | there is no scene file nowhere.py
 run cube.off                                          | not a Python file
 run folder.py                                         | folder.py
 run binary.py                                         | binary.py
 
 run s.py --out out --set poisson=0.5                  | poisson = 0.5
-run s.py --out out --set poisson=0.7                  | poisson = 0.7
-run s.py --out out --set poisson=nan                  | poisson
 run s.py --out out --set dt=-0.01                     | dt = -0.01
-run s.py --out out --set dt=0                         | dt = 0
 run s.py --out out --set dt=fast                      | dt = 'fast'
 run s.py --out out --set steps=-1                     | steps = -1
 run s.py --out out --set steps=1.5                    | steps = 1.5
 run s.py --out out --steps=-3                         | steps = -3
 run s.py --out out --set jelly=1                      | no parameter 'jelly'
-run s.py --out out --set jelly=1                      | consistency
 run s.py --out out --set poisson                      | name=value
-run s.py --out out --set "a b=1"                      | name=value
 run s.py --out out --set tolerance=-1                 | Solver.tolerance
 run s.py --out out --set tolerance=Relative(-1)       | Relative
-run s.py --out out --set tolerance=Relative(x)        | tolerance
 run s.py --out out --set linear=magic                 | Solver.linear
 run s.py --out out --set max_iterations=0             | max_iterations
-run s.py --out out --set max_iterations=many          | max_iterations
 run s.py --out out --set max_halvings=99              | max_halvings
 run s.py --out out --set petsc=3                      | petsc
 run s.py --out out --set "petsc=-ksp_type nonsense"   | Unable to find requested KSP type nonsense
-run s.py --out out --set "petsc=-pc_type nonsense"    | Unable to find requested PC type nonsense
 run s.py --out out --set "petsc=-ksp_typ cg"            | PETSc makes no use of -ksp_typ
 run s.py --out out --set weight=0.1                   | only the method tracks uses it, not progressive
 run s.py --out out --set weight=much                  | Penalty.weight = 'much' is not a finite number
 run s.py --out out --method tracks                    | tracks needs a weight above zero
 run s.py --out out --set consistency=-1               | Penalty.consistency = -1 is below 0
-run s.py --out out --set feedback=-1                  | feedback = -1 is below 0
 run s.py --out out --set feedback=1.5                 | feedback = 1.5 must be at most 1
 run s.py --out out --set integrator=rk4               | unknown integrator 'rk4'; choose one of bdf2, implicit_euler
-run s.py --out out --set integrator=BDF2              | unknown integrator
 run s.py --out out --set integrator=[1]               | unknown integrator
-run s.py --out out --set integrator=None              | unknown integrator
-run s.py --out out --set integrator={}                | unknown integrator
 run s.py --out out --levels 0:\u00b2                  | '\u00b2' is not a whole number
 run s.py --out out --levels 0:7                       | levels 0:7 do not exist
-run s.py --out out --levels 2                         | levels 2:2 do not exist
 run s.py --out out --levels 1:0                       | levels 1:0
 run s.py --out out --levels 1                         | holds no run
 run s.py --out out --levels x:2                       | not a whole number
 run s.py --out out --levels=-1:1                      | --levels
 run s.py --out out --ranks 0                          | --ranks 0
-run s.py --out out --ranks two                        | 'two' is not a whole number
 run s.py --out out --accuracy 5mm                     | needs a study: pdvol study
 run s.py --out out --accuracy 5mm --study nowhere     | holds no study
 run s.py --out out --accuracy 5mm --study earlier     | earlier holds no study of this pdvol; make one by: pdvol study
 preview s.py --watch --resume                         | leave out --resume
 
-run s.py --method magic                               | --help
 run s.py --prolongation magic                         | --help
-run s.py --steps few                                  | --help
 run                                                   | --help
-fly                                                   | --help
                                                       | --help
 run s.py --fast                                       | unrecognized arguments: --fast; see pdvol run --help
 refine whole                                          | --help
 hierarchy cube.off                                    | --help
-check s.py --measure nan                              | --help
 render whole --turn nan                               | --help
 
 run s.py --out file                                   | file is a file, not a folder
-run s.py --out file/below                             | file is a file, not a folder
 run s.py --out /proc/nowhere                          | /proc
 run s.py --out full                                   | full is not empty
 hierarchy cube.off --levels 20,few -o out             | not a whole number
 hierarchy open.off --levels 20 -o out                 | open along
-hierarchy nowhere.off --levels 20 -o out              | nowhere.off
 check s.py --measure=-1                               | --measure
 check s.py -o s.py/below                              | s.py
 check s.py --json nowhere/found.json                  | found.json
 
 run fall.py --out whole                               | --resume
-run fall.py --out whole --resume --set young=3e4      | scene.bodies[0].material.young: 20000.0 -> 30000.0
 run fall.py --out whole --resume --set young=3e4 --set mu=0.5 | scene.contact[1].mu: 0.3 -> 0.5
 run fall.py --out whole --resume --set sizes=(3,4)    | shape[0].vertices: an array of shape (9, 2) -> (16, 2)
 run fall.py --out whole --resume --set sizes=(2,)     | holds 2 levels, the scene has 1 now
-run fall.py --out whole --resume --set velocity=(0,0) | velocity
-run fall.py --out whole --resume --set feedback=0.3   | scene.feedback
 run fall.py --out whole --resume --set consistency=.3 | scene.penalty
 run fall.py --out whole --resume --set integrator=implicit_euler | scene.integrator: bdf2 -> implicit_euler
 run weightless.py --out whole --resume                | scene.loads: 1 -> 0 entries
@@ -109,38 +85,25 @@ preview fall.py --out whole                           | holds a run of 2 levels;
 refine whole --to 5                                   | levels 0:5 do not exist
 refine whole --to=-1                                  | levels 0:-1
 refine gone --to 1                                    | gone.py is gone
-refine nowhere --to 1                                 | does not exist
 refine empty --to 1                                   | has no run.json
-refine broken --to 1                                  | run.json
 run fall.py --out broken --resume                     | run.json
-info nowhere                                          | nowhere
-info empty                                            | has no run.json
 info broken                                           | run.json
-render nowhere                                        | does not exist
 render empty                                          | has no run.json
-render broken                                         | run.json
 render whole --levels 0:4                             | no stored state of level 2
 render whole -o picture.docx                          | picture.docx
 render whole -o file/picture.png                      | file
-verify whole nowhere                                  | nowhere does not exist
 verify whole empty                                    | empty is not a run folder: it has no run.json
 verify whole --every 0                                | --every
-verify whole --every x                                | --every
-metrics nowhere                                       | does not exist
 metrics whole --against empty                         | is not a run folder
 metrics whole --json .                                | cannot be written
-metrics whole --json nowhere/numbers.json             | cannot be written
 metrics whole --against other_dt                      | same time step
 metrics whole --against other_bodies                  | different bodies
 metrics stateless                                     | no stored state
-play nowhere                                          | nowhere
 play whole -o shot.mp4                                | ends in .html
 play whole -o shot.html --levels 0:4                  | has levels 0 to 1
-play whole -o shot.html --levels x                    | --levels
 play whole -o shot.html --every 0                     | --every: 0 is too small
 play whole -o shot.html --fields heat                 | choose of strain, contact_force
 
-run fall.py --out b --branch whole --at 4 --set height=0.5   | another mesh or placement
 run fall.py --out b --branch whole --at 4 --set sizes=(3,5)  | another mesh or placement
 run fall.py --out b --branch whole --at 4 --set dt=0.01      | another dt
 run fall.py --out b --branch whole --at 11                   | no step 11
@@ -151,7 +114,6 @@ run fall.py --out b --branch whole --at 4 --method direct    | progressive
 study fall.py -o s --vary colour                             | needs values
 study fall.py -o s --vary colour=1:2                         | no parameter 'colour'
 study fall.py -o s --vary dt,dt                              | twice
-study fall.py -o s --vary dt --vary dt=0.01,0.02             | twice
 study fall.py -o s --vary dt=0.01,0.02 --vary dt=0.03        | twice
 study fall.py -o s --vary level=1                            | give level by --levels
 study fall.py -o s --vary dt=0.02,0.01,integrator=bdf2       | a --vary of its own
@@ -159,11 +121,9 @@ study fall.py -o s --vary dt=0.02:0.01:half                  | N in A:B:N
 study fall.py -o s --vary dt=0.02,level                      | dt
 study fall.py -o s --vary dt=                                | --vary dt=
 study fall.py -o s --budget 0                                | above zero
-study fall.py -o s --jobs 0                                  | at least 1
 study fall.py -o s --levels 1:1                              | begins with level 0
 study fall.py -o s --levels 0:7                              | does not exist
 study fall.py -o s --reference dt                            | write name=value
-study fall.py -o full --budget 3                             | not empty
 """
 """Command lines, each with a part of its answer."""
 LINES = [[part.strip() for part in line.rsplit("|", 1)] for line in COMMANDS.splitlines() if line]
@@ -201,12 +161,10 @@ SCENES = {
     # shapes
     "(of('nowhere.obj'),)": "nowhere.obj",
     "(of('shape.docx'),)": "shape.docx",
-    "(of('nowhere.msh'),)": "nowhere.msh",
     "(of('folder.obj'),)": "folder.obj",
     "(of('huge.off'),)": "",
     "(of((square(2), 'x'), ()),)": "x",
     "(of((3,), ()),)": "shape",
-    "(of((), ()),)": "empty",
     "(of((Outline(np.eye(2)),), ()),)": "volume meshes",
     "(of((Solid(np.zeros((0, 2)), np.zeros((0, 3), int), np.zeros(0, int)),), ()),)": "empty",
     "(of(square(2), (20, 10)),)": "",
@@ -239,17 +197,14 @@ SCENES = {
     "(body,), contact=(Barrier(), Barrier())": "",
     "(body,), contact=(Barrier(-1.0),)": "",
     "(body,), contact=(Barrier(), Friction(-1.0))": "",
-    "(body,), contact=(Barrier(stiffness=np.inf),)": "",
     "(body, of((square(1),), (), name='b'))": "",
     "(of((square(2),), (), velocity=(0, 0, 0)),)": "",
     "(of((square(2),), (), velocity=('x', 0)),)": "",
     "(of((square(2),), (), velocity=lambda X: X[0]),)": "",
     "(of((square(2),), (), velocity=lambda X: 1 / 0),)": "",
-    "(of((square(2),), (), velocity=lambda X: np.nan * X),)": "",
     "(of((square(2),), (), spin=(1, 0, 0)),)": "",
     "(Body((square(2),), 1e5),)": "",
     "(Body((square(2),), NeoHookean(-1.0)),)": "",
-    "(Body((square(2),), NeoHookean(1e300)),)": "",
     "(Body((square(2),), NeoHookean(pdvol.Keyed((0, 1), (1e5, 1e300)))),)": "",
     "(Body((square(2),), NeoHookean(1e5, 0.3, 0)),)": "",
     "(of((square(2),), (), placement=Placement(scale=-1)),)": "",
@@ -259,10 +214,8 @@ SCENES = {
     "(body,), loads=(Gravity((0, np.nan)),)": "",
     "(body,), supports=(Support(lambda X: X[0] < 0),)": "",
     "(body,), supports=(Support(lambda X: 1 / 0),)": "",
-    "(body,), supports=(Support(lambda X: X[:, 0] * np.nan),)": "",
     "(body,), supports=(Support(lambda X: np.flatnonzero(X[:, 0] < 1)),)": "",
     "(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X[:, :1]),)": "",
-    "(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X * np.inf),)": "",
     "(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=3),)": "",
     "(body,), supports=(Support(lambda X: X[:, 0] < 0.1, release=-1),)": "",
     f"(body,), obstacles=(Plane((0, -1), (0, 0)),), {BARRIER}": "",
@@ -316,9 +269,11 @@ def test_broken_scene_files(refuse, tmp_path, text, told):
 
 
 def test_as_a_program(tmp_path):
-    """What the shell sees: the code, one line, nothing on disk."""
+    """What the shell sees of `python -m pdvol`: the code, one line, nothing on disk."""
     write(tmp_path / "s.py", SCENE.format(f"(body,), obstacles=(Plane((0, 0.5), (0, 1)),), {BARRIER}"))
-    ended = subprocess.run([*PDVOL, "run", "s.py"], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY)
+    ended = subprocess.run(
+        [sys.executable, "-m", "pdvol", "run", "s.py"], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY
+    )
     assert ended.returncode == 2
     # Where the machine is busy, loading takes a second and leaves a line before.
     (line,) = [line for line in ended.stderr.splitlines() if not line.startswith("loading ")]

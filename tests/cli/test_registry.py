@@ -87,17 +87,6 @@ def export(run, levels, out, fields):
     (out / "states.txt").write_text(" ".join(str(run.levels[level].steps) for level in levels))
     return [out / "states.txt"]
 """
-
-
-def test_a_format_of_another_package(install, whole, tmp_path, capsys):
-    install("counting", COUNTING, "[pdvol.formats]\ncount = counting:export\n")
-    assert pdvol("export", whole, "--format", "count", "-o", tmp_path / "out") == 0
-    assert capsys.readouterr() == (f"{tmp_path / 'out' / 'states.txt'}\n", "")
-    assert (tmp_path / "out" / "states.txt").read_text() == "11 11"
-    assert pdvol("export", "--help") == 0
-    assert "{xdmf,obj,usd,pc2,alembic,count}" in capsys.readouterr().out
-
-
 STEPS = """
 def add_arguments(parser):
     parser.add_argument("run")
@@ -108,8 +97,14 @@ def main(options):
 """
 
 
-def test_a_command_of_another_package(install, whole, capsys):
+def test_a_format_and_a_command_of_another_package(install, whole, tmp_path, capsys):
+    install("counting", COUNTING, "[pdvol.formats]\ncount = counting:export\n")
     install("stepping", STEPS, "[pdvol.commands]\nsteps = stepping\ninfo = stepping\n")
+    assert pdvol("export", whole, "--format", "count", "-o", tmp_path / "out") == 0
+    assert capsys.readouterr() == (f"{tmp_path / 'out' / 'states.txt'}\n", "")
+    assert (tmp_path / "out" / "states.txt").read_text() == "11 11"
+    assert pdvol("export", "--help") == 0
+    assert "{xdmf,obj,usd,pc2,alembic,count}" in capsys.readouterr().out
     assert pdvol("steps", whole) == 1
     assert capsys.readouterr() == ("10\n", "")
     assert pdvol("info", whole) == 0

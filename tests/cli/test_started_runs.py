@@ -48,16 +48,3 @@ def test_it_is_checked_where_it_starts(made, tmp_path, capsys):
     assert "body 'clip': starts away from rest, where bent leads it" in said
     assert "level 1: body 'clip' starts away from rest, its cells stretched by" in said
     assert (tmp_path / "checked" / "level_1.vtu").exists()
-
-
-def test_exports_keep_the_rest_shape_beside_the_states(made, tmp_path):
-    import meshio
-
-    assert pdvol("export", made("bent"), "--format", "xdmf", "-o", tmp_path) == 0
-    level = open_run(made("bent")).levels[1]
-    with meshio.xdmf.TimeSeriesReader(next(tmp_path.rglob("*level_1*.xdmf"))) as series:
-        points, _ = series.read_points_cells()
-        _, data, _ = series.read_data(0)
-    np.testing.assert_allclose(points[:, :2], level.rest)
-    displacement = data["displacement"][:, :2]
-    np.testing.assert_allclose(points[:, :2] + displacement, level.positions(0), atol=1e-12)

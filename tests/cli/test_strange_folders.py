@@ -104,7 +104,6 @@ def moved_out(work, outside, name):
 
 CHANGES = {
     "a scene elsewhere": lambda work, out: runs(work, scene_file=str(out / "trap.py")),
-    "a scene by ..": lambda work, out: runs(work, scene_file=f"{work}/../{work.name}/../../{out.name}/trap.py"),
     "a scene by a link": lambda work, out: (
         (work / "fall.py").unlink() or (work / "fall.py").symlink_to(out / "trap.py")
     ),
@@ -122,7 +121,6 @@ CHANGES = {
         or changed(work / "s" / "study.json", point={"changes": {"mark": str(out / "sprung")}})
     ),
     "a score elsewhere": lambda work, out: score(work, f"{out}/trap.py:score"),
-    "a score turned round": lambda work, out: score(work, f"-{out}/trap.py:score"),
     "a score by ..": lambda work, out: score(work, f"w/../../../{out.name}/trap.py:score"),
     "a score beside the wedge": lambda work, out: (
         shutil.copy(out / "trap.py", work / "w" / "t.py") and score(work, "w/t.py:score")

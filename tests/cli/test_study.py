@@ -1,10 +1,6 @@
 """`pdvol study` and what takes settings from it, through the command line."""
 
 import json
-import shutil
-import signal
-import subprocess
-import time
 from contextlib import closing
 
 import numpy as np
@@ -12,7 +8,6 @@ import pytest
 
 from browser import busy
 from cli_scenes import FALL, pdvol, write
-from commands import PDVOL, SAFETY
 from pdvol.store.reader import open_run
 from pdvol.studio.study import study
 from pdvol.studio.study.reference import ReferenceStates
@@ -58,48 +53,27 @@ def test_points_have_costs_and_errors_that_the_runs_confirm(folder):
     (second,) = [p["errors"]["end"] for p in study["points"] if (p["run"], p["level"]) == ("dt-0.01", 1)]
     part = study["reference"]["parts"]["dt"]
     assert part == pytest.approx(second / (2.0 ** (2.0 / 3.0) - 1.0)), "below first order: impacts make waves"
+    (order,) = [entry for entry in study["orders"] if entry["axis"] == "dt"]
+    assert order["finest"] == 0.01 and [value for value, _ in order["values"]] == [0.02, 0.04]
+    assert study["reference"]["run"] == "dt-0.005" and part > 0.0
+    assert study["spread"]["runs"] == 3 and study["spread"]["growth"] > 0.0
     front = sorted((p["cost"]["cpu"], p["errors"]["end"]) for p in study["points"] if p["front"])
     assert front and all(b[1] < a[1] for a, b in zip(front, front[1:], strict=False))
 
 
-def test_a_run_that_fails_is_a_failed_point_and_not_the_end(folder):
-    failed = [run for run in studied(folder)["runs"] if run["state"] != "done"]
-    assert [run["run"] for run in failed] == ["max_iterations-1"] and "level 0" in failed[0]["reason"]
-    page = (folder / "s" / "study.html").read_text()
-    assert "max_iterations-1: failed" in page and page.count("<svg") >= 2 and "http" not in page.split("<svg")[0]
-
-
-ONE_LINE = """cell => {
-  const range = document.createRange();
-  range.selectNodeContents(cell);
-  return new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size <= 1;
-}"""
-"""Whether what a cell or a word holds is on one line."""
-
-
-def test_the_page_opens_from_a_disk_and_shows_its_plots_and_table(folder, tab):
-    tab.page.set_viewport_size({"width": 1200, "height": 800})
+def test_the_page_shows_plots_and_a_table_and_names_what_failed(folder, tab):
+    found = studied(folder)
+    (failed,) = [run for run in found["runs"] if run["state"] != "done"]
+    assert failed["run"] == "max_iterations-1" and "level 0" in failed["reason"]
+    text = (folder / "s" / "study.html").read_text()
+    assert "max_iterations-1: failed" in text and text.count("<svg") >= 2 and "http" not in text.split("<svg")[0]
     tab.open(folder / "s" / "study.html")
-    plots = tab.page.locator("svg")
-    assert plots.count() >= 2
-    for plot in plots.all():
-        box = plot.bounding_box()
-        assert box["width"] > 200 and box["height"] > 150
-    for number in range(plots.count()):
+    for number in range(tab.page.locator("svg").count()):
         assert busy(tab.picture(f"svg >> nth={number}")) > 0.01
-    assert tab.page.locator("table tr").count() == len(studied(folder)["points"]) + 1
-    assert tab.page.evaluate(f"[...document.querySelectorAll('td:not(:first-child), .option')].every({ONE_LINE})")
+    assert tab.page.locator("table tr").count() == len(found["points"]) + 1
     said = tab.page.inner_text("body")
-    assert "`" not in said and all(s.replace("`", "") in said for s in studied(folder)["sentences"])
+    assert "`" not in said and all(s.replace("`", "") in said for s in found["sentences"])
     assert tab.complaints == [] and tab.requests == []
-
-
-def test_the_time_step_s_order_is_fitted_and_the_reference_has_an_error(folder):
-    study = studied(folder)
-    (order,) = [entry for entry in study["orders"] if entry["axis"] == "dt"]
-    assert order["finest"] == 0.01 and [value for value, _ in order["values"]] == [0.02, 0.04]
-    assert study["reference"]["run"] == "dt-0.005" and study["reference"]["parts"]["dt"] > 0.0
-    assert study["spread"]["runs"] == 3 and study["spread"]["growth"] > 0.0
 
 
 def test_a_run_takes_the_settings_found_for_an_accuracy_or_a_time(folder, capsys):
@@ -133,42 +107,24 @@ def test_a_run_takes_the_settings_found_for_an_accuracy_or_a_time(folder, capsys
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--accuracy", "5", "--study", "STUDY"), "write a number and its unit"),
-        (("--accuracy", "0mm", "--study", "STUDY"), "write a number and its unit"),
-        (("--time", "5mm", "--study", "STUDY"), "write a number and its unit"),
-        (("--time", "5s", "--accuracy", "1%", "--study", "STUDY"), "one of them"),
-        (("--study", "STUDY"), "one of them"),
-        (("--time", "5s", "--set", "mu=0.1", "--study", "STUDY"), "study of another scene"),
+        (("--accuracy", "5"), "write a number and its unit"),
+        (("--time", "5mm"), "write a number and its unit"),
+        (("--time", "5s", "--accuracy", "1%"), "one of them"),
+        ((), "one of them"),
+        (("--time", "5s", "--set", "mu=0.1"), "study of another scene"),
     ],
 )
 def test_what_cannot_be_chosen_is_said_in_one_line(folder, tmp_path, capsys, words, message):
     write(folder / "six.py", FALL.replace("steps=10", "steps=6"))
-    words = [folder / "s" if word == "STUDY" else word for word in words]
-    assert pdvol("run", folder / "six.py", *words, "--out", tmp_path / "out") == 2
+    assert pdvol("run", folder / "six.py", *words, "--study", folder / "s", "--out", tmp_path / "out") == 2
     error = capsys.readouterr().err
     assert message in error and error.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
-def test_another_scene_is_refused(folder, tmp_path, capsys):
+def test_a_study_goes_on_with_its_runs_and_not_with_another_scene(folder, tmp_path, capsys):
+    kept = {path: path.stat().st_mtime_ns for path in (folder / "s").glob("runs/*/levels/*/states.bin")}
+    assert kept and pdvol("study", folder / "fall.py", "-o", folder / "s", *WORDS) == 0
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept, "finished runs are not made again"
     write(tmp_path / "fall.py", FALL.replace("mu=0.3", "mu=0.4"))
     assert pdvol("study", tmp_path / "fall.py", "-o", folder / "s", *WORDS) == 2
     assert "another scene" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_killed_study_goes_on_and_gives_the_same_points(folder, tmp_path):
-    shutil.copy(folder / "fall.py", tmp_path / "fall.py")
-    words = [*PDVOL, "study", tmp_path / "fall.py", "-o", tmp_path / "s", *map(str, WORDS)]
-    with subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
-        deadline = time.monotonic() + SAFETY
-        while not (tmp_path / "s" / "runs" / "dt-0.04" / "run.json").exists() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "s").glob("runs/default/levels/*/states.bin")}
-    assert kept
-    assert pdvol("study", tmp_path / "fall.py", "-o", tmp_path / "s", *WORDS) == 0
-    assert all(path.stat().st_mtime_ns == time for path, time in kept.items()), "finished runs are not made again"
-    mine, before = ({(p["run"], p["level"]): p["errors"] for p in studied(f)["points"]} for f in (tmp_path, folder))
-    assert mine.keys() >= {key for key in before if "_" not in key[0]}
-    for key in mine.keys() & before.keys():
-        assert mine[key] == before[key]

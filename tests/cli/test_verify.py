@@ -36,19 +36,9 @@ def floor(dim, height=-0.5, **more):
 def rock(dim, *centre):
     shape = meshes.disc(0.2, 24) if dim == 2 else meshes.ball(0.2, 1)
     if dim == 3:
-        return {
-            "name": "rock",
-            "kind": "mesh",
-            "vertices": shape.vertices + np.resize(centre, 3),
-            "faces": shape.triangles,
-        }
-    n = len(shape.points)
-    return {
-        "name": "rock",
-        "kind": "polyline",
-        "vertices": shape.points + np.resize(centre, 2),
-        "edges": np.column_stack([np.arange(n), (np.arange(n) + 1) % n]),
-    }
+        return {"name": "rock", "kind": "mesh", "vertices": shape.vertices + centre, "faces": shape.triangles}
+    edges = np.column_stack([np.arange(24), np.roll(np.arange(24), -1)])
+    return {"name": "rock", "kind": "polyline", "vertices": shape.points + centre[:2], "edges": edges}
 
 
 def moved(dim, by, body=1, axis=0):
@@ -79,21 +69,12 @@ def test_what_is_planted_is_found(tmp_path, dim, capsys):
     low[0, 1] = -0.5 - 1e-13
     inverted, (one, *_, last) = x.copy(), two_blocks(dim).cells[4]
     inverted[one] += 1.5 * (x[last] - x[one])
-    states = [
-        x,
-        low,
-        moved(dim, -0.3),
-        moved(dim, -0.25),
-        inverted,
-        moved(dim, 0.3, body=0, axis=1) - 0.45 * np.eye(dim)[1],
-    ]
+    raised = moved(dim, 0.3, body=0, axis=1) - 0.45 * np.eye(dim)[1]
+    states = [x, low, moved(dim, -0.3), moved(dim, -0.25), inverted, raised]
     path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, -0.21, 0.5, 0.5)])
     told = verify.verify_run(path)
     assert all(line.startswith("level 0 step ") for line in told)
-    of = {
-        step: " | ".join(line for line in told if line.startswith(f"level 0 step {step}:"))
-        for step in range(len(states))
-    }
+    of = [" | ".join(line for line in told if line.startswith(f"level 0 step {step}:")) for step in range(6)]
     assert of[0] == ""
     assert "1 vertices not above plane 'floor', the worst 0" in of[1] and "intersections" not in of[1]
     assert "intersections: vertex" in of[2] and "inverted" not in of[2]
@@ -123,12 +104,21 @@ def test_obstacles(tmp_path, dim):
     assert line.startswith("level 0 step 1:") and "not above plane" in line
 
 
-def test_damaged_states(tmp_path):
+def test_damaged_and_missing_states(tmp_path, capsys):
     x = two_blocks(2).points
     path = store(tmp_path / "run", 2, [x, x, x])
     runs.put_state(path / "levels" / "0", 1, np.where(x > 2, np.nan, x))
     (line,) = verify.verify_run(path)
     assert line.startswith("level 0 step 1:") and "finite" in line and line.endswith("usable states of level 0: 0, 2")
+    sound = store(tmp_path / "sound", 2, [x, x, x])
+    (path / "levels" / "0" / "mesh.npz").write_bytes(b"nothing")
+    assert cli.run(["verify", str(path), str(sound)]) == 1
+    out = capsys.readouterr().out
+    assert "  damaged: " in out and "mesh.npz" in out and "level 0: 3 states" in out
+    (path / "run.json").write_text("{")
+    assert cli.run(["verify", str(path)]) == 1
+    runs.keep_states(sound / "levels" / "0", 2)
+    assert verify.verify_run(sound) == ["level 0: done, with 2 states of 3"]
 
 
 def test_every(tmp_path, capsys):
@@ -138,17 +128,6 @@ def test_every(tmp_path, capsys):
     assert cli.run(["verify", str(path), "--every", "3"]) == 0
     assert cli.run(["verify", str(path), "--every", "2"]) == 1
     assert "level 0: 4 states" in capsys.readouterr().out
-
-
-def test_a_damaged_run(tmp_path, capsys):
-    path = store(tmp_path / "run", 2, [two_blocks(2).points])
-    sound = store(tmp_path / "sound", 2, [two_blocks(2).points])
-    (path / "levels" / "0" / "mesh.npz").write_bytes(b"nothing")
-    assert cli.run(["verify", str(path), str(sound)]) == 1
-    out = capsys.readouterr().out
-    assert "  damaged: " in out and "mesh.npz" in out and "level 0: 1 states" in out
-    (path / "run.json").write_text("{")
-    assert cli.run(["verify", str(path)]) == 1
 
 
 def test_it_shares_nothing_with_the_solver():
@@ -171,28 +150,18 @@ print(*sorted({name.partition(".")[0] for name in sys.modules}))
     assert not packages & {"ipctk", "igl", "dolfinx", "petsc4py", "mpi4py", "scipy"}
 
 
-def test_missing_states_of_a_finished_level(tmp_path):
-    x = two_blocks(2).points
-    path = store(tmp_path / "run", 2, [x, x, x])
-    runs.keep_states(path / "levels" / "0", 2)
-    assert verify.verify_run(path) == ["level 0: done, with 2 states of 3"]
-
-
-def test_random_triangles_against_every_pair():
+def test_random_primitives_against_every_pair():
     rng = np.random.default_rng(1)
     points, facets = rng.random((90, 3)), np.arange(90).reshape(30, 3)
+    edges = verify.edges_of(facets)
     expected = {
         (*e, *f)
-        for e in verify.edges_of(facets)
+        for e in edges
         for f in facets
         if not set(e) & set(f) and meeting.segment_meets_triangle(*points[e], *points[f])
     }
-    found = meeting.crossing_edges(points, verify.edges_of(facets), facets, np.ones(90, bool))
+    found = meeting.crossing_edges(points, edges, facets, np.ones(90, bool))
     assert len(found) > 50 and set(found) == expected
-
-
-def test_random_segments_against_every_pair():
-    rng = np.random.default_rng(2)
     points, edges = rng.random((80, 2)), np.arange(80).reshape(40, 2)
     expected = {
         (*a, *b) for i, a in enumerate(edges) for b in edges[i + 1 :] if meeting.segments_meet(*points[a], *points[b])
@@ -227,10 +196,8 @@ def test_edges_and_a_triangle_by_hand(p, q, meets):
 def test_boxes_of_very_different_size():
     rng = np.random.default_rng(3)
     low_a, low_b = rng.random((300, 3)), rng.random((40, 3))
-    high_a, high_b = (
-        low_a + 0.02 * rng.random((300, 3)),
-        low_b + 10.0 ** rng.uniform(-4, 1, (40, 1)) * rng.random((40, 3)),
-    )
+    high_a = low_a + 0.02 * rng.random((300, 3))
+    high_b = low_b + 10.0 ** rng.uniform(-4, 1, (40, 1)) * rng.random((40, 3))
     expected = {
         (i, j) for i in range(300) for j in range(40) if (low_a[i] <= high_b[j]).all() and (low_b[j] <= high_a[i]).all()
     }

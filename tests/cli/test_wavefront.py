@@ -8,35 +8,13 @@ import sys
 
 import pytest
 
-from cli_scenes import pdvol, pdvol_on_ranks
+from cli_scenes import BOUNCE, pdvol, pdvol_on_ranks, states
 from commands import SAFETY
 from on_ranks import results_on
 from pdvol import open_run
 from pdvol.runs import runner
 from runs import assert_same_runs
 
-SCENE = """
-import sys
-import time
-from pathlib import Path
-import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Scene, Solver
-from pdvol.meshes import disc
-
-def gravity(t):
-    # In the process of level 0 of a wavefront: waits until level 1 runs beside it.
-    program, *words = sys.argv
-    marches = Path(program).name == "level_processes.py" and words[1] == "0"
-    while marches and t > 0.05 and pdvol.open_run(words[0]).levels[1].steps < 2:
-        time.sleep(0.01)
-    return (0.0, -9.81)
-
-def scene(tolerance=1e-3, iterations=200, halvings=6):
-    ball = Body(disc(0.5), NeoHookean(5e4), vertices=(30, 60, 120), velocity=(0.5, -3.0))
-    solver = Solver(tolerance=tolerance, max_iterations=iterations, max_halvings=halvings)
-    return Scene(bodies=(ball,), dt=0.01, steps=14, loads=(Gravity(gravity),),
-                 obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)), solver=solver)
-"""
 DYING = """
 import os, signal, sys
 
@@ -59,29 +37,30 @@ ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     file = tmp_path_factory.mktemp("scenes") / "bounce.py"
-    file.write_text(SCENE)
+    three = BOUNCE.replace("(60, 120), steps=8", "(30, 60, 120), steps=14").replace("beside=False", "beside=True")
+    file.write_text(three)
     return file
 
 
 @pytest.fixture(scope="module")
 def one_after_the_other(scene, tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "sequential"
-    assert pdvol("run", scene, "--out", out) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runner, "side_by_side", None)  # nothing asks
+        assert pdvol("run", scene, "--out", out, "--no-wavefront") == 0
     return out
 
 
 def test_levels_are_side_by_side_by_choice(scene, one_after_the_other, tmp_path, monkeypatch):
-    """What is chosen changes how levels are made, and not what they are."""
     asked, marched = [], []
     monkeypatch.setattr(runner, "side_by_side", lambda *given: not asked.append(given))
     march = runner.march_levels
     monkeypatch.setattr(runner, "march_levels", lambda *given: marched.append(list(given[1])) or march(*given))
-    assert pdvol("run", scene, "--out", tmp_path / "in turn", "--no-picture", "--no-wavefront") == 0
-    assert pdvol("run", scene, "--out", tmp_path / "chosen", "--no-picture") == 0
-    assert marched == [[0, 1, 2]]
-    counts = [len(level.mesh.points) for level in open_run(one_after_the_other).levels]
-    assert asked == [(counts, [15] * 3)]  # states that are left to make
-    assert_same_runs(tmp_path / "chosen", one_after_the_other)
+    assert pdvol("run", scene, "--out", tmp_path / "chosen", "--levels", "0:1", "--no-picture") == 0
+    assert marched == [[0, 1]]
+    assert asked == [([len(level.mesh.points) for level in open_run(tmp_path / "chosen").levels], [15] * 2)]
+    for level in (0, 1):
+        assert states(tmp_path / "chosen", level) == states(one_after_the_other, level)
 
 
 def test_a_killed_wavefront_goes_on_where_it_was(scene, one_after_the_other, tmp_path):

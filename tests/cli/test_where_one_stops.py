@@ -1,6 +1,5 @@
 """What new users do in their first hour: each has a line that helps, at once, and costs nothing that was there."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -9,21 +8,12 @@ from argparse import Namespace
 
 import pytest
 
-from cli_scenes import pdvol, write
+from cli_scenes import CUBE, CUBE_OFF, pdvol, write
 from commands import children
 from pdvol import InputError, march
 from pdvol.commands.options import chosen_shot
 from pdvol.runs.scene_file import load_shot
 
-SCENE = """
-from pdvol import *
-from pdvol import meshes
-
-def scene(vertices=(60,), shape="cow.obj"):
-    return Scene((Body(shape, NeoHookean(1e4), vertices, name="cow"),), loads=(Gravity((0.0, -9.81, 0.0)),), dt=0.01,
-                 steps=2)
-"""
-OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 LAW = """
 from dataclasses import dataclass
 from pdvol import *
@@ -44,8 +34,8 @@ UNIT = "lengths are metres: if its unit is another one"
 @pytest.fixture
 def scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "cow.obj", OBJ)
-    return write(tmp_path / "scene.py", SCENE)
+    write(tmp_path / "cube.off", CUBE_OFF)
+    return write(tmp_path / "scene.py", CUBE)
 
 
 def test_steps_are_a_setting_and_another_time_step_says_what_the_shot_lasts(scene, capsys):
@@ -77,12 +67,11 @@ def test_too_few_vertices_are_refused_at_once_and_leave_an_earlier_preview(scene
     assert time.monotonic() - begin < 10.0
 
 
-def test_an_interrupt_ends_the_meshers(scene, tmp_path):
+def test_an_interrupt_ends_the_meshers(scene, tmp_path, own_meshes):
     words = ["--set", "vertices=(20000,)", "--out", str(tmp_path / "run")]
-    env = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     command = [sys.executable, "-m", "pdvol", "preview", str(scene), *words]
     obey = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # what is in the background of a shell ignores it
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=env, preexec_fn=obey) as process:
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=obey) as process:
         while not children(process.pid):
             time.sleep(0.1)
         process.send_signal(signal.SIGINT)
@@ -111,12 +100,7 @@ def test_a_stress_at_rest_and_an_unusual_size_are_noted(tmp_path, capsys):
         assert notes == [f"note: body 'square': {line}" for line in said]
 
 
-def test_a_mesh_is_described_by_its_box(scene, capsys):
-    assert pdvol("check", scene.parent / "cow.obj") == 0
-    assert "from (0, 0, 0) to (1, 1, 1) m, surface of 4 vertices" in capsys.readouterr().out
-
-
 def test_a_pick_is_refined_after_an_edit_of_its_scene(scene, tmp_path):
     assert pdvol("wedge", scene, "--vary", "dt=0.01,0.02", "--no-picture", "-o", tmp_path / "w") == 0
-    write(scene, SCENE + "# edited\n")
+    write(scene, CUBE + "# edited\n")
     assert pdvol("pick", tmp_path / "w", 1, "--refine", "--to", 0, "-o", tmp_path / "picked") == 0

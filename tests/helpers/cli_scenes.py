@@ -67,6 +67,47 @@ if __name__ == "__main__":
 """
 """A brick of 12 vertices, then 45, that falls on a floor."""
 
+BOUNCE = """
+import sys
+import time
+from pathlib import Path
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Scene, Solver
+from pdvol.meshes import disc
+
+print("loaded")
+
+def gravity(t):
+    program, *words = sys.argv
+    if Path(program).name == "level_processes.py":  # the check before the run calls it, too
+        if t > fails:
+            raise ValueError("no gravity any more")
+        while waits and words[1] == "0" and t > 0.05 and pdvol.open_run(words[0]).levels[1].steps < 2:
+            time.sleep(0.01)
+    return (0.0, -9.81)
+
+def scene(vertices=(60, 120), steps=8, until=1e9, beside=False, iterations=200, halvings=6, tolerance=1e-4):
+    global fails, waits
+    fails, waits = until, beside
+    ball = Body(disc(0.5), NeoHookean(5e4), vertices=vertices, velocity=(0.5, -3.0))
+    return Scene(bodies=(ball,), dt=0.01, steps=steps, loads=(Gravity(gravity),),
+                 obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)),
+                 solver=Solver(tolerance=tolerance, max_iterations=iterations, max_halvings=halvings))
+"""
+"""A disc, whose gravity fails in the process of a level after a time, or waits in that of level 0 until level 1 runs
+beside it.
+"""
+
+CUBE = """
+import pdvol
+from pdvol import Body, Gravity, NeoHookean, Scene
+
+def scene(vertices=(60, 150), steps=2):
+    body = Body("cube.off", NeoHookean(1e4), vertices, name="cube")
+    return Scene((body,), dt=0.01, steps=steps, loads=(Gravity((0.0, 0.0, -9.81)),))
+"""
+"""The cube of a file beside it."""
+
 CUBE_OFF = """OFF
 8 12 0
 0 0 0

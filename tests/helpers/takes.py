@@ -1,14 +1,6 @@
-"""Takes by a random hand, which drags, throws, presses and lets go, and moves obstacles. As a command, takes of demos:
-
-./run env PYTHONPATH=tests/helpers python tests/helpers/takes.py [--takes 10] [--levels 1] [--first 0]
-
-Of each take it prints defects by `verify`, the most Newton iterations of a step, how many steps were cut, in how many
-obstacles waited, and how far levels are from level 0, as fractions of a body's size: at the end, and at most.
-"""
+"""Takes by a random hand, which drags, throws, presses and lets go, and moves obstacles."""
 
 import json
-import tempfile
-from argparse import ArgumentParser
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,32 +8,11 @@ import numpy as np
 
 import pdvol
 from pdvol.geometry.level_mesh import body_sizes
-from pdvol.measure.verify import verify_run
-from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.runs.runner import Execution, run_scene
-from pdvol.runs.scene_file import Shot, load_shot
+from pdvol.runs.scene_file import Shot
 from pdvol.scene import Hand
 from pdvol.store.folder import RECORD
 from pdvol.studio.live import player
-
-DEMOS = Path(__file__).resolve().parents[2] / "demos"
-SCENES = {
-    "ball_on_spike": {"height": 0.78},
-    "drop": {"vertices": (150, 500, 1500)},
-    "extreme_shapes": {"vertices": (65, 260, 950)},
-    "melt": {},
-    "worm": {},
-}
-"""Demos, with small meshes."""
-
-
-def demo(name: str) -> pdvol.Scene:
-    """A demo whose rigid obstacles are movable."""
-    scene = load_shot(DEMOS / f"{name}.py", SCENES[name]).scene
-    return replace(
-        scene,
-        obstacles=[replace(o, movable=True) if isinstance(o, pdvol.Rigid) else o for o in scene.obstacles],
-    )
 
 
 class RandomHand:
@@ -112,45 +83,3 @@ def random_take(scene: pdvol.Scene, out: Path, seed: int, steps: int) -> pdvol.S
     """A random take in a run folder; returns the scene with its hand."""
     play(scene, out, steps, lambda *_: RandomHand(out, out.with_suffix(".state"), seed))
     return replace(scene, hand=Hand(out / RECORD), steps=steps)
-
-
-def judged(out: Path) -> dict:
-    """What the command prints of a take."""
-    run = pdvol.open_run(out)
-    log = run.levels[0].log
-    found = {
-        "defects": verify_run(out),
-        "iterations": max(record["newton_iterations"] for record in log),
-        "cut": sum(record["cuts"] > 0 for record in log),
-        "slow": {r["step"]: r["newton_iterations"] for r in log if r["newton_iterations"] > 60},
-        "waiting": sum(record.get("behind", 0.0) > 0.0 for record in log),
-    }
-    sizes = body_sizes(run.levels[0].mesh)
-    for entry in motion_from_level_0(run)[1:]:
-        ends = [drift / size for drift, size in zip(entry["centre_drifts"].values(), sizes, strict=True)]
-        found[f"level {entry['level']}"] = (round(max(ends), 4), round(entry["largest_distance"] / sizes.max(), 4))
-    return found
-
-
-def main() -> None:
-    parser = ArgumentParser()
-    for name, value in (("--takes", 10), ("--levels", 1), ("--first", 0), ("--steps", 100)):
-        parser.add_argument(name, type=int, default=value)
-    options = parser.parse_args()
-    scenes = {name: demo(name) for name in SCENES}
-    for seed in range(options.first, options.first + options.takes):
-        name = list(SCENES)[seed % len(SCENES)]
-        with tempfile.TemporaryDirectory() as folder:
-            out = Path(folder, "take")
-            try:
-                scene = random_take(scenes[name], out, seed, options.steps)
-                if options.levels:
-                    last = min(options.levels, scene.levels - 1)
-                    run_scene(Shot(None, {}, scene), out, 0, last, resume=True, how=Execution(xdmf=False))
-                print(seed, name, judged(out), flush=True)
-            except pdvol.ConvergenceError as error:
-                print(seed, name, "ended:", error, flush=True)
-
-
-if __name__ == "__main__":
-    main()

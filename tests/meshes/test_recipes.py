@@ -5,6 +5,7 @@ import pytest
 
 from pdvol import meshes
 from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, signed_area
 
@@ -89,70 +90,52 @@ def test_a_rounded_tip_stays_below_the_sharp_one():
     assert signed_area(rounded.points) < signed_area(sharp.points)
 
 
-def test_a_ball_has_its_radius():
-    ball = meshes.ball(0.7, 2)
-    assert len(ball.vertices) == 10 * 4**2 + 2
-    assert np.allclose(np.linalg.norm(ball.vertices, axis=1), 0.7, rtol=1e-12)
+@pytest.mark.parametrize(
+    ("make", "height"), [(meshes.creature, 1.0), (lambda: meshes.bunny(0.8), 0.8), (lambda: meshes.frog(0.5), 0.5)]
+)
+def test_figures_are_whole_and_stand_on_the_ground(make, height):
+    figure = make()
+    checked = check_surface(figure)
+    assert topology(checked.triangles, len(checked.vertices)) == (1, 2) and 2000 <= len(figure.vertices) <= 4500
+    assert enclosed_volume(figure.vertices, figure.triangles) > 0.0
+    assert figure.vertices[:, 1].min() == 0.0 and figure.vertices[:, 1].max() == pytest.approx(height)
+    if make is meshes.creature:
+        assert np.array_equal(figure.vertices, make.__wrapped__().vertices), "it repeats"
+    else:
+        assert abs(figure.vertices[:, 0].min() + figure.vertices[:, 0].max()) < 0.02 * height, "it is mirrored"
 
 
-def test_the_creature_is_whole_and_repeats():
-    cub = meshes.creature()
-    checked = check_surface(cub, "creature")
-    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
-    assert 2000 <= len(cub.vertices) <= 4500
-    assert cub.vertices[:, 1].min() == 0.0
-    assert cub.vertices[:, 1].max() == pytest.approx(1.0)
-    assert enclosed_volume(cub.vertices, cub.triangles) > 0.0
-    assert np.array_equal(cub.vertices, meshes.creature.__wrapped__().vertices)
+def cell_volumes(solid):
+    """Of tetrahedra, all positive."""
+    corners = solid.vertices[solid.cells]
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+    assert volumes.min() > 0.0
+    return volumes
 
 
 @pytest.mark.parametrize("layers", [1, 2])
 def test_a_hollow_ball_is_a_wall_round_a_cavity(layers):
     ball, inside = meshes.ball(0.5, 2), meshes.ball(0.4, 2)
     hollow = meshes.hollow_ball(0.5, 0.1, 2, layers)
-    corners = hollow.vertices[hollow.cells]
-    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
-    assert volumes.min() > 0.0 and len(hollow.vertices) == (layers + 1) * len(ball.vertices)
-    within = lambda shape: np.linalg.det(shape.vertices[shape.triangles]).sum() / 6
-    assert volumes.sum() == pytest.approx(within(ball) - within(inside), rel=1e-12)
-    facets, counts = np.unique(
-        np.sort(hollow.cells[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1),
-        axis=0,
-        return_counts=True,
-    )
-    assert (counts == 1).sum() == 2 * len(ball.triangles) and counts.max() == 2
+    assert len(hollow.vertices) == (layers + 1) * len(ball.vertices)
+    wall = enclosed_volume(ball.vertices, ball.triangles) - enclosed_volume(inside.vertices, inside.triangles)
+    assert cell_volumes(hollow).sum() == pytest.approx(wall, rel=1e-12)
+    facets, _ = boundary_facets(hollow.cells)
+    assert len(facets) == 2 * len(ball.triangles)
     with pytest.raises(ValueError, match="thickness"):
         meshes.hollow_ball(0.5, 0.5)
 
 
-def test_a_brick_fills_its_box():
+def test_bricks_fill_their_boxes_but_for_inner_ones():
     brick = meshes.brick((1.0, 0.5, 0.25), (3, 2, 1))
-    corners = brick.vertices[brick.cells]
-    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
-    assert volumes.min() > 0 and volumes.sum() == pytest.approx(0.125)
+    assert cell_volumes(brick).sum() == pytest.approx(0.125)
     np.testing.assert_allclose(np.ptp(brick.vertices, axis=0), (1.0, 0.5, 0.25))
     bent = meshes.brick((1.0, 0.5, 0.25), (3, 2, 1), bend=lambda X: X + [5.0, 0.0, 0.0])
     np.testing.assert_allclose(bent.vertices, brick.vertices + [5.0, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("make, height", [(meshes.bunny, 0.8), (meshes.frog, 0.5)], ids=["bunny", "frog"])
-def test_jellies_are_whole_and_mirrored(make, height):
-    figure = make(height)
-    checked = check_surface(figure)
-    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
-    assert 2000 <= len(figure.vertices) <= 4500
-    assert figure.vertices[:, 1].min() == 0.0
-    assert figure.vertices[:, 1].max() == pytest.approx(height)
-    assert abs(figure.vertices[:, 0].min() + figure.vertices[:, 0].max()) < 0.02 * height
-
-
-def test_a_hollow_brick_lacks_its_inner_boxes():
-    solid = meshes.hollow_brick((1.0, 2.0, 0.5), (5, 6, 4), 1)
-    corners = solid.vertices[solid.cells]
-    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
-    assert volumes.min() > 0 and volumes.sum() == pytest.approx(1.0 * (1.0 - 3 * 4 * 2 / (5 * 6 * 4)))
+    hollow = meshes.hollow_brick((1.0, 2.0, 0.5), (5, 6, 4), 1)
+    assert cell_volumes(hollow).sum() == pytest.approx(1.0 * (1.0 - 3 * 4 * 2 / (5 * 6 * 4)))
     # All corners of the grid, but those within the cavity.
-    assert len(solid.vertices) == 6 * 7 * 5 - 2 * 3 * 1
-    check_solid(solid)
+    assert len(hollow.vertices) == 6 * 7 * 5 - 2 * 3 * 1
+    check_solid(hollow)
     with pytest.raises(ValueError, match="no cavity"):
         meshes.hollow_brick(cuts=(4, 4, 4), wall=2)

@@ -6,17 +6,14 @@ from pathlib import Path
 
 import gmsh
 import meshio
-import numpy as np
 import pytest
 import trimesh
 
-from hostile_files import CUBE, off, ply, stl
+from hostile_files import CUBE, POINTS, TETS, off, ply, stl
 from pdvol.errors import MeshError
 from pdvol.meshing.file_kinds import CONVERTERS, converter
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.validate import check_surface
-
-POINTS, TETS = np.vstack([np.zeros(3), np.eye(3), np.ones(3)]), np.array([[0, 1, 2, 3], [1, 4, 2, 3]])
 
 
 def sample(folder, suffix) -> Path:

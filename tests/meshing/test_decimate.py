@@ -1,7 +1,6 @@
 """Decimation keeps a surface closed, free of crossings, and of the same shape and topology."""
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,13 +9,10 @@ from pdvol import meshes
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.meshes import Surface
 from pdvol.meshing.decimate import _attempts, decimate, topology
-from pdvol.meshing.readers import read_shape
 from pdvol.meshing.validate import check_surface
 
-SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
 
-
-@pytest.mark.parametrize("target", [300, 80, 20])
+@pytest.mark.parametrize("target", [300, 20])
 def test_a_ball(target):
     ball = meshes.ball(1.0, 3)
     assert decimate(ball, len(ball.vertices)) is ball
@@ -36,25 +32,18 @@ def test_a_chain_of_levels_of_a_thin_shape():
         assert topology(surface.triangles, len(surface.vertices)) == (1, 2)
 
 
-@pytest.mark.skipif(not SHARED.exists(), reason="the shared meshes are not here")
-def test_a_torus_keeps_its_hole():
-    coarse = decimate(read_shape(SHARED / "surfaces/torus.off"), 200)
-    assert topology(coarse.triangles, len(coarse.vertices)) == (1, 0)
-
-
 def test_surfaces_decimated_side_by_side():
     """fast-simplification works on global variables: threads that interleave gave one of them another's surface, in
     half of all calls.
     """
-    ball, targets = meshes.ball(0.5, 5), (100, 300, 900, 2000)
+    ball, targets = meshes.ball(0.5, 5), (100, 300, 900)
     alone = {target: decimate(ball, target).vertices for target in targets}
     with ThreadPoolExecutor(4) as pool:
-        for target, made in pool.map(lambda target: (target, decimate(ball, target)), targets * 8):
+        for target, made in pool.map(lambda target: (target, decimate(ball, target)), targets * 5):
             np.testing.assert_array_equal(made.vertices, alone[target])
 
 
 def test_every_attempt_decimates():
-    """Also those that are needed where the faster ones before them fail."""
     ball = meshes.ball(0.5, 4)
     attempts = list(_attempts(ball, 200, 2))
     assert len(attempts) == 6

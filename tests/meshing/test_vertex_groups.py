@@ -24,20 +24,15 @@ def saved(folder, surface, weights):
     return folder / "box.obj", folder / "top.txt"
 
 
-def test_points_near_marked_faces_belong_to_the_group():
-    group = VertexGroup(BOX, TOP.astype(float), reach=0.1)
-    reach = 0.1 * np.sqrt(14.0)
+def test_faces_edges_and_vertices_can_be_marked():
+    group, reach = VertexGroup(BOX, TOP.astype(float), reach=0.1), 0.1 * np.sqrt(14.0)
     X = np.array([[0, 0, 1.5], [0, 0, 1.5 - 0.99 * reach], [0, 0, 1.5 - 1.01 * reach], [0.5, 1.0, 1.5], [0, 0, -1.5]])
     assert group(X).tolist() == [True, True, False, True, False]
-
-
-def test_an_edge_and_a_vertex_can_be_marked_alone():
     edge = TOP & (BOX.vertices[:, 0] > 0.49)
     assert edge.sum() == 2  # the corners of a box with one face a side
     group = VertexGroup(BOX, edge.astype(float), reach=0.02)
     along = np.column_stack([np.full(41, 0.5), np.linspace(-1.0, 1.0, 41), np.full(41, 1.5)])
-    assert group(along).all()
-    assert not group(along - np.array([0.1, 0.0, 0.0])).any()
+    assert group(along).all() and not group(along - np.array([0.1, 0.0, 0.0])).any()
     corner = (edge & (BOX.vertices[:, 1] > 0.0)).astype(float)
     held = VertexGroup(BOX, corner, reach=0.02)(along)
     assert held.nonzero()[0].tolist() == [39, 40]  # 0.075 m, and 0.05 m between points
@@ -45,9 +40,8 @@ def test_an_edge_and_a_vertex_can_be_marked_alone():
 
 def test_a_filled_group_has_what_is_nearest_to_marked_weights_at_any_depth():
     group = VertexGroup(BOX, TOP.astype(float), filled=True)
-    heights = np.array([1.4, 0.9, 0.1, -0.1, -1.4])
-    sides = np.column_stack([np.full(5, 0.49), np.zeros(5), heights])  # half of the weight is half of the height
-    assert group(sides).tolist() == [True, True, True, False, False]
+    sides = [[0.49, 0.0, height] for height in (1.4, 0.9, 0.1, -0.1, -1.4)]  # half of the weight is half of the height
+    assert group(np.array(sides)).tolist() == [True, True, True, False, False]
     assert VertexGroup(BOX, np.ones(len(BOX.vertices)), filled=True)(np.zeros((1, 3))).all()
 
 
@@ -73,26 +67,22 @@ def seams(path):
     path.write_text(head + "".join(" ".join(map(str, row)) + "\n" for row in rows))
 
 
-def coloured(path):
+def exported(suffix):
     box = trimesh.Trimesh(BOX.vertices, BOX.triangles, process=False)
     box.visual.vertex_colors = np.full((len(BOX.vertices), 4), 9, dtype=np.uint8)
-    box.export(path)
+    return lambda path: box.export(path.with_suffix(suffix))
 
 
-@pytest.mark.parametrize(
-    "write",
-    [
-        seams,
-        coloured,
-        lambda path: trimesh.Trimesh(BOX.vertices, BOX.triangles, process=False).export(path.with_suffix(".off")),
-        lambda path: meshio.Mesh(BOX.vertices, [("triangle", BOX.triangles)]).write(path.with_suffix(".vtu")),
-        lambda path: meshio.Mesh(
-            np.append(BOX.vertices, [[0, 0, 0]], axis=0),
-            [("tetra", np.column_stack([BOX.triangles, np.full(len(BOX.triangles), len(BOX.vertices))]))],
-        ).write(path.with_suffix(".vtu")),
-    ],
-    ids=["seams", "colours", "off", "vtu", "tetrahedra"],
-)
+def tetrahedra(path):
+    fans = np.column_stack([BOX.triangles, np.full(len(BOX.triangles), len(BOX.vertices))])
+    meshio.Mesh(np.append(BOX.vertices, [[0, 0, 0]], axis=0), [("tetra", fans)]).write(path.with_suffix(".vtu"))
+
+
+def triangles(path):
+    meshio.Mesh(BOX.vertices, [("triangle", BOX.triangles)]).write(path.with_suffix(".vtu"))
+
+
+@pytest.mark.parametrize("write", [seams, exported(".ply"), exported(".off"), triangles, tetrahedra])
 def test_a_surface_of_any_kind_keeps_the_order_of_its_vertices(tmp_path, write):
     """Weights, and the points of a cache, belong to vertices by their number."""
     write(tmp_path / "box.ply")
@@ -105,7 +95,6 @@ def test_a_surface_of_any_kind_keeps_the_order_of_its_vertices(tmp_path, write):
 
 
 def test_a_pinned_and_a_stiff_part_are_the_same_on_all_levels(tmp_path):
-    """A bar hangs by its end; its other end is a hundred times as stiff."""
     bar = meshes.box((1.0, 0.2, 0.2), (10, 2, 2))
     left, right = (bar.vertices[:, 0] < -0.49).astype(float), (bar.vertices[:, 0] > 0.2).astype(float)
     stiff = Region(NeoHookean(1e7), VertexGroup(bar, right, filled=True))

@@ -14,8 +14,10 @@ from cli_scenes import pdvol as command
 from killing import PressesCtrlC
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, meshes
 from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import body_sizes
 from pdvol.measure.verify import verify_run
 from pdvol.runs.branch import branch_run
+from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.runs.runner import Execution, refine_run, run_scene
 from pdvol.runs.scene_file import Shot, load_shot, with_hand
 from pdvol.scene import Hand
@@ -57,11 +59,15 @@ def shot_of(scene: pdvol.Scene) -> Shot:
     return Shot(None, {}, scene)
 
 
+def simulated(scene: pdvol.Scene, out: Path, last: int = 0, **more) -> None:
+    run_scene(shot_of(scene), out, 0, last, how=Execution(xdmf=False), **more)
+
+
 def replayed(scene: pdvol.Scene, take: Path, levels: int = 0, logs: bool = True) -> None:
     """Asserts that a run from the record of a take has the same states."""
     out = take.with_name(f"{take.name}_again")
     again = replace(scene, hand=Hand(take / RECORD), steps=pdvol.open_run(take).info["steps"])
-    run_scene(shot_of(again), out, 0, levels, how=Execution(xdmf=False))
+    simulated(again, out, levels)
     assert_same_runs(take, out, logs)
 
 
@@ -70,22 +76,23 @@ def is_sound(seed: int, folder: Path) -> None:
     one = scene(2 + seed % 2)
     played = takes.random_take(one, folder / "take", seed, STEPS)
     replayed(one, folder / "take")
-    run_scene(shot_of(played), folder / "take", 0, 1, resume=True, how=Execution(xdmf=False))
-    found = takes.judged(folder / "take")
-    assert found["defects"] == [] and found["iterations"] <= MOST
-    assert found["level 1"][0] < 0.03
+    simulated(played, folder / "take", 1, resume=True)
+    run = pdvol.open_run(folder / "take")
+    assert verify_run(run.path) == [] and max(record["newton_iterations"] for record in run.levels[0].log) <= MOST
+    drift = motion_from_level_0(run)[1]["centre_drifts"]["block"]
+    assert drift < 0.03 * body_sizes(run.levels[0].mesh)[0]
     replayed(one, (folder / "take").rename(folder / "refined"), 1)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_random_takes(seed, tmp_path):
     is_sound(seed, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4, 1004))
-def test_a_thousand_random_takes(seed, tmp_path):
-    is_sound(seed, tmp_path)
+def test_a_thousand_random_takes(tmp_path):
+    for seed in range(3, 1003):
+        is_sound(seed, tmp_path / str(seed))
 
 
 def test_an_interrupted_take_is_whole_and_goes_on(tmp_path):
@@ -100,9 +107,7 @@ def test_an_interrupted_take_is_whole_and_goes_on(tmp_path):
     takes.put(out.with_suffix(".state"), obstacles={"wall": (-0.1, 0.0)})
     takes.play(one, out, 20, resume=True)
     assert [len(line["pulls"]) for line in lines(out)] == [1] * 12 + [0] * 8
-    run_scene(
-        shot_of(replace(one, hand=Hand(out / RECORD), steps=20)), out, 0, 1, resume=True, how=Execution(xdmf=False)
-    )
+    simulated(replace(one, hand=Hand(out / RECORD), steps=20), out, 1, resume=True)
     (tmp_path / "take_again").rename(tmp_path / "first_again")
     replayed(one, out, 1)
 
@@ -113,7 +118,7 @@ def test_going_on_by_hand_from_a_step(by_hand, tmp_path):
     if by_hand:
         takes.random_take(one, first, 7, STEPS)
     else:
-        run_scene(shot_of(one), first, 0, 0, how=Execution(xdmf=False))
+        simulated(one, first)
     takes.put(out.with_suffix(".state"), [pull(8, (0.3, 0.5))])
     branch_run(player.played(shot_of(one), out, out.with_suffix(".state"), 30), first, 15, out, 0)
     takes.play(one, out, 30, resume=True)
@@ -291,7 +296,6 @@ QUIET = ("--no-picture", "--no-xdmf")
 
 
 def test_the_command_line_plays_replays_and_refines(tmp_path):
-    """Also while level 1 follows in a process of its own, and where the process of a take was killed."""
     file, take, again = write(tmp_path / "scene.py", FILE), tmp_path / "take", tmp_path / "again"
     takes.put(tmp_path / "state", [HELD])
     play = ("run", file, "--hand-from", tmp_path / "state", "--levels", "0:1", "--wavefront", "--steps", 12, *QUIET)

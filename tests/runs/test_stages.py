@@ -4,6 +4,7 @@ rank, on standard error.
 
 import io
 import re
+import shutil
 import subprocess
 import sys
 import threading
@@ -12,8 +13,7 @@ import time
 import numpy as np
 import pytest
 
-import pdvol
-from cli_scenes import CUBE_OFF, FALL
+from cli_scenes import CUBE, CUBE_OFF, FALL
 from cli_scenes import pdvol as pdvol_command
 from commands import SAFETY
 from pdvol import Body, NeoHookean, Scene, cli
@@ -24,34 +24,12 @@ from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import Stage, reported_to, say, stage
 
 
-class Terminal(io.StringIO):
-    """A text stream that says it is a terminal."""
-
-    def isatty(self):
-        return True
-
-
 class Kept:
     """A reporter that keeps the stages that have ended."""
 
     def __init__(self):
         self.ended: list[Stage] = []
-
-    def begin(self, one):
-        pass
-
-    def end(self, one):
-        self.ended.append(one)
-
-
-CUBE = """
-import pdvol
-from pdvol import Body, Gravity, NeoHookean, Scene
-
-def scene(steps=2):
-    return Scene(bodies=(Body("cube.off", NeoHookean(1e5), vertices=(60, 150), name="cube"),), dt=0.02, steps=steps,
-                 loads=(Gravity((0.0, 0.0, -9.81)),))
-"""
+        self.begin, self.end = lambda one: None, self.ended.append
 
 
 def test_stages_nest_and_their_parts_add_up():
@@ -74,25 +52,6 @@ def test_stages_nest_and_their_parts_add_up():
     assert len(kept.ended) == 2
 
 
-def test_threads_have_stages_of_their_own():
-    kept, both = Kept(), threading.Barrier(2)
-
-    def work(name):
-        with stage(name):
-            both.wait(SAFETY)
-            say(f"detail of {name}")
-            both.wait(SAFETY)
-
-    with reported_to(kept):
-        threads = [threading.Thread(target=work, args=(name,)) for name in ("a", "b")]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join(SAFETY)
-    found = sorted((s.name, s.detail, len(s.parts)) for s in kept.ended)
-    assert found == [("a", "detail of a", 0), ("b", "detail of b", 0)]
-
-
 def test_a_log_gets_a_line_for_what_took_long_and_none_for_the_rest(monkeypatch):
     monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.1)
     log = io.StringIO()
@@ -110,20 +69,29 @@ def test_a_log_gets_a_line_for_what_took_long_and_none_for_the_rest(monkeypatch)
 def test_a_log_is_not_silent_while_a_stage_lasts(monkeypatch):
     monkeypatch.setattr(stage_lines, "LONG_SECONDS", 0.1)
     monkeypatch.setattr(stage_lines, "_REWRITTEN_EVERY", 0.02)
-    log = io.StringIO()
+    log, other = io.StringIO(), io.StringIO()
     with reported_to(StageLines(log)), stage("meshing"):
         say("try 3")
         time.sleep(0.6)
     lines = log.getvalue().splitlines()
     assert lines and set(lines) == {"meshing (try 3), 0 s so far"} or "meshing (try 3), 1 s so far" in lines
     assert len(lines) <= 3, "after 0.1, 0.2 and 0.4 s: each after twice the time"
+    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
+    with reported_to(StageLines(other, rank=lambda: 1)), stage("meshing"):
+        pass
+    assert other.getvalue() == "", "other ranks are silent"
+    until = time.monotonic() + 30.0
+    while any(thread.name == "pdvol-stages" for thread in threading.enumerate()):
+        assert time.monotonic() < until, "the thread that watches ends"
+        time.sleep(0.01)
 
 
 def test_a_terminal_shows_a_line_that_is_rewritten_and_cleared(monkeypatch):
     monkeypatch.setattr(stage_lines, "FIRST_SIGN", 0.05)
     monkeypatch.setattr(stage_lines, "_REWRITTEN_EVERY", 0.03)
     monkeypatch.setenv("COLUMNS", "30")
-    terminal = Terminal()
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
     with reported_to(StageLines(terminal)):
         with stage("instantaneous"):
             pass
@@ -134,18 +102,6 @@ def test_a_terminal_shows_a_line_that_is_rewritten_and_cleared(monkeypatch):
     assert len([text for text in shown if text.startswith("meshing a body")]) >= 3
     assert max(len(text) for text in shown) < 30, "a line that wraps could not be rewritten"
     assert shown[-1] == "" and "instantaneous" not in terminal.getvalue() and "\n" not in terminal.getvalue()
-
-
-def test_other_ranks_are_silent_and_the_watching_thread_ends(monkeypatch):
-    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
-    log = io.StringIO()
-    with reported_to(StageLines(log, rank=lambda: 1)), stage("meshing"):
-        pass
-    assert log.getvalue() == ""
-    until = time.monotonic() + 30.0
-    while any(thread.name == "pdvol-stages" for thread in threading.enumerate()):
-        assert time.monotonic() < until
-        time.sleep(0.01)
 
 
 def test_meshing_says_what_it_does_and_how_often_it_tried(tmp_path):
@@ -182,14 +138,19 @@ def stage_names(text: str) -> list[str]:
 
 
 def test_a_run_with_a_cold_cache_says_what_it_does_and_a_quick_one_nothing(shot, monkeypatch, capfd):
-    def run(out, shown):
+    def run(*words, shown=0.0):
         monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", shown)
-        assert pdvol_command("run", "shot.py", "--no-picture", "--no-xdmf", "--out", out) == 0
-        text, log = capfd.readouterr()
-        assert text == ""
-        return log
+        assert pdvol_command(*words) == 0
+        return capfd.readouterr()
 
-    log = run("a", 0.0)
+    first, second = (run("check", "shot.py", "--measure", 0, "--json", "found.json") for _ in range(2))
+    assert first.out == second.out and stage_names(first.out) == [], "the output is the same whatever lasts"
+    assert {"checking level 1", "meshing body 'cube', level 1"} <= set(stage_names(first.err))
+    assert not any("meshing" in name for name in stage_names(second.err))
+    shutil.rmtree("cache")
+    words = ("run", "shot.py", "--no-picture", "--no-xdmf", "--out")
+    text, log = run(*words, "a")
+    assert text == ""
     names = stage_names(log)
     expected = ["reading body 'cube'", "checking body 'cube'"]
     expected += ["checking level 0", "checking level 1", "preparing level 0", "preparing level 1"]
@@ -198,34 +159,10 @@ def test_a_run_with_a_cold_cache_says_what_it_does_and_a_quick_one_nothing(shot,
     assert sorted(meshing) == [f"meshing body 'cube', level {level}" for level in (0, 1)]
     assert names.index(meshing[1]) < names.index("checking level 0")
     assert log.index("preparing level 0") < log.index("level 0  step 1/2") < log.index("preparing level 1")
-    warm = run("b", 60.0)
+    warm = run(*words, "b", shown=60.0).err
     assert stage_names(warm) == [] and len(warm.splitlines()) == 2 * 3 + 2, (
         "steps and their pace, where the files are, and the animation"
     )
-
-
-def test_the_output_of_check_is_the_same_whatever_lasts(shot, monkeypatch, capfd):
-    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
-    first, second = (
-        (pdvol_command("check", "shot.py", "--measure", 0, "--json", "found.json"), *capfd.readouterr())
-        for _ in range(2)
-    )
-    assert first[:2] == second[:2] and first[0] == 0
-    assert stage_names(first[1]) == [] and "checking level 1" in stage_names(first[2])
-    assert "meshing body 'cube', level 1" in stage_names(first[2])
-    assert not any("meshing" in name for name in stage_names(second[2]))
-
-
-def test_pdvol_run_shows_stages_with_its_progress_only(monkeypatch, capsys):
-    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
-    corners = Outline(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]))
-    scene = Scene(bodies=(Body(corners, NeoHookean(1e5), vertices=(30,), name="plate"),), dt=0.01, steps=1)
-    pdvol.run(scene, progress=True)
-    shown = capsys.readouterr()
-    assert "preparing level 0" in stage_names(shown.err) and shown.out == ""
-    pdvol.run(scene, progress=lambda record: None)
-    pdvol.run(scene)
-    assert capsys.readouterr() == ("", "")
 
 
 # ---- commands on stored runs

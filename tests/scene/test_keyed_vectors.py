@@ -20,8 +20,6 @@ from pdvol import (
     Solver,
     meshes,
 )
-from pdvol.runs.scene_summary import modelled_terms
-from pdvol.scene.fingerprint import describe
 
 RAMP, END = 30.0, 0.2  # gravity grows by this [m/s^3] for so long [s]
 TURNING = Keyed((0.0, 0.1), ((0.0, -10.0, 0.0), (0.0, 0.0, -10.0)))
@@ -130,26 +128,3 @@ def test_a_keyed_activation_is_that_of_a_function():
     points = np.zeros((3, 2))
     for time in (-1.0, 0.0, 0.05, 0.2, 3.0):
         np.testing.assert_allclose(keyed.tension(time, points), asked.tension(time, points) if time >= 0 else 0.0)
-
-
-def test_what_is_keyed_is_said_to_change_by_time():
-    body = Body((meshes.rectangle(0.4, 0.4),), NeoHookean(1e5), (20,))
-    wind = Keyed((0.0, 1.0), ((0.0, 0.0), (2.0, 4.0)))
-    muscle = Muscle("body", (1.0, 0.0), 2e4, Keyed((0.0, 0.2), (0.0, 1.0)))
-    scene = Scene((body,), 0.01, 2, loads=(Flow(wind), Gravity(wind), Flow(lambda x, t: x)), muscles=(muscle,))
-    lines = modelled_terms(scene)
-    keys = "Keyed(times=(0.0, 1.0), values=((0.0, 0.0), (2.0, 4.0)))"
-    assert [line for line in lines if line.startswith("load")] == [
-        f"load: Flow(velocity={keys})",
-        f"load: Gravity(acceleration={keys})",
-        "load: Flow(velocity=<lambda>)",
-    ]
-    assert any(line.endswith("activation=Keyed(times=(0.0, 0.2), values=(0.0, 1.0)))") for line in lines)
-
-
-def test_other_keys_are_another_scene():
-    def scene(last):
-        gravity = Gravity(Keyed((0.0, 0.1), ((0.0, -10.0, 0.0), (0.0, 0.0, last))))
-        return Scene((Body((meshes.brick(),), NeoHookean(1e5)),), 0.01, 2, loads=(gravity,))
-
-    assert describe(scene(-10.0)) == describe(scene(-10.0)) != describe(scene(-9.0))

@@ -13,11 +13,13 @@ from pdvol.processes import Process
 from pdvol.runs.scene_file import load_shot
 from pdvol.runs.scene_modules import load_module
 
-NEEDS_ITS_MODULE = {
-    "a dataclass": """
+NEEDS_ITS_MODULE = """
 from __future__ import annotations
+import pickle
 import typing
+from collections import namedtuple
 from dataclasses import KW_ONLY, InitVar, dataclass
+from enum import Enum
 
 @dataclass(slots=True, frozen=True)
 class Part:
@@ -26,39 +28,26 @@ class Part:
     size: float = 1.0
     scale: InitVar[float] = 2.0
 
-found = float(len(Part.__slots__) + 1)
-""",
-    "hints": """
-from __future__ import annotations
-import typing
-
-class Part:
-    other: Part
-
-found = 2.0 * (typing.get_type_hints(Part) == {"other": Part})
-""",
-    "pickles": """
-import pickle
-from collections import namedtuple
-from enum import Enum
+class Other:
+    part: Part
 
 Pair = namedtuple("Pair", "one other")
 
 class Side(Enum):
     LEFT = 2.0
 
-found = pickle.loads(pickle.dumps(Pair(1.0, Side.LEFT))).other.value
-""",
-}
+assert typing.get_type_hints(Other) == {"part": Part}
+found = len(Part.__slots__) + pickle.loads(pickle.dumps(Pair(1.0, Side.LEFT))).other.value
+"""
+"""Dataclasses, hints and pickles look for a file's module."""
 
 
-@pytest.mark.parametrize("text", NEEDS_ITS_MODULE.values(), ids=NEEDS_ITS_MODULE)
-def test_a_file_finds_itself_among_the_modules(tmp_path, text):
-    (tmp_path / "shot.py").write_text(text)
-    assert load_module(tmp_path / "shot.py").found == 2.0
-    (tmp_path / "beside.py").write_text(text)
+def test_a_file_finds_itself_among_the_modules(tmp_path):
+    (tmp_path / "shot.py").write_text(NEEDS_ITS_MODULE)
+    assert load_module(tmp_path / "shot.py").found == 3.0
+    (tmp_path / "beside.py").write_text(NEEDS_ITS_MODULE)
     (tmp_path / "other.py").write_text("from beside import found")
-    assert load_module(tmp_path / "other.py").found == 2.0
+    assert load_module(tmp_path / "other.py").found == 3.0
 
 
 def test_processes_do_not_find_modules_beside_a_scene(tmp_path):
@@ -101,24 +90,18 @@ def written(folder, way, value):
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_modules_beside_two_scenes_have_the_same_name(tmp_path, way):
+def test_a_scene_has_the_modules_beside_it_as_they_are_now(tmp_path, way):
+    """Also where another scene's have the same name, or one was edited, as long as before in the same second; what was
+    loaded before stays as it is.
+    """
     one, other = (load_module(written(tmp_path / name, way, value)) for name, value in (("a", 1), ("b", 2)))
     assert [one.value(), other.value(), one.value(), other.value()] == [1, 2, 1, 2]
-    assert load_module(tmp_path / "a" / "shot.py").value() == 1
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_module_that_was_edited_is_read_again(tmp_path, way):
-    """Also one as long as before, in the same second; what was loaded before stays as it is."""
-    before = load_module(written(tmp_path, way, 1))
-    assert before.value() == 1
-    now = load_module(written(tmp_path, way, 2))
-    assert now.value() == 2 and before.value() == 1
+    now = load_module(written(tmp_path / "a", way, 3))
+    assert [now.value(), one.value(), other.value()] == [3, 1, 2]
     assert not list(tmp_path.rglob("*.pyc"))
 
 
 def test_modules_of_the_program_itself_stay(tmp_path):
-    """Those that a program has imported before are its own, and no other module is forgotten."""
     (tmp_path / "shot.py").write_text("import helpers, json\nfound = helpers")
     (tmp_path / "helpers.py").touch()
     program = "import sys, json, helpers\nfrom pathlib import Path\nfrom pdvol.runs.scene_modules import load_module\n"

@@ -170,7 +170,6 @@ def test_runs_stored_before_functions_had_reads_are_the_same_scene(described):
 
 
 def test_what_functions_change_while_they_are_called_is_not_compared(tmp_path):
-    """The description is that of the scene as it was loaded."""
     (tmp_path / "shot.py").write_text(
         SCENE.replace("import helpers\nfrom helpers import eased\n", "")
         .replace("def push(X, t, far=1.0):\n", "SEEN = {}\n\ndef push(X, t, far=1.0):\n    SEEN[t] = X\n")

@@ -38,29 +38,25 @@ def assert_same(path, other, steps=7):
             np.testing.assert_array_equal(level.positions(step), its.positions(step))
 
 
-def test_it_is_read_and_copied(old_run, flat_run, tmp_path):
+def test_it_is_read_copied_and_converted_when_it_is_written(old_run, flat_run, tmp_path):
     before = {file: file.stat().st_mtime_ns for file in old_run.rglob("*")}
     assert_same(old_run, flat_run)
     copy_run(old_run, tmp_path / "copy")
     assert_same(tmp_path / "copy", flat_run)
     assert open_run(tmp_path / "copy").info["format"] == 2 and not list(tmp_path.glob("copy/levels/*/0*.npy"))
     assert {file: file.stat().st_mtime_ns for file in old_run.rglob("*")} == before
-
-
-def test_it_is_converted_when_it_is_written(old_run, flat_run):
     with RunWriter.open(old_run) as writer:
         assert writer.steps(0) == writer.steps(1) == 7
     assert_same(old_run, flat_run)
-    names = {file.name for file in (old_run / "levels" / "0").iterdir()}
-    assert names == {file.name for file in (flat_run / "levels" / "0").iterdir()}
-    assert open_run(old_run).info == open_run(flat_run).info
+    names = lambda run: {file.name for file in (run / "levels" / "0").iterdir()}
+    assert names(old_run) == names(flat_run) and open_run(old_run).info == open_run(flat_run).info
 
 
 def test_a_conversion_that_is_killed_loses_nothing(old_run, flat_run, tmp_path):
     convert = lambda path: lambda: RunWriter.open(path).close()
     code, operations = ended(convert(shutil.copytree(old_run, tmp_path / "whole")), tmp_path / "whole", 0)
     assert code == 0 < operations
-    for number, deadly in enumerate(np.linspace(1, operations, 12).astype(int)):
+    for number, deadly in enumerate(np.linspace(1, operations, 7).astype(int)):
         path = shutil.copytree(old_run, tmp_path / str(number))
         assert ended(convert(path), path, deadly) == (-signal.SIGKILL, 0)
         assert_same(path, flat_run)

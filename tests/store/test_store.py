@@ -62,8 +62,12 @@ def test_numbers_json_does_not_know(tmp_path):
     run = open_run(tmp_path / "run")
     assert run.info["parameters"] == {"n": 3, "x": 0.5, "v": [0, 1, 2], "none": None, "path": str(tmp_path)}
     assert run.levels[0].log == [{"level": 0, "step": 0, "min_gap": None, "contacts": 0}]
-    with pytest.raises(InputError, match="cannot be stored as JSON"):
-        RunWriter.create(tmp_path / "other", {**INFO, "f": open}, [], [])
+    for wrong, message in (
+        ({**INFO, "f": open}, "cannot be stored as JSON"),
+        ({"steps": 3}, "needs .*dt.* in its info"),
+    ):
+        with pytest.raises(InputError, match=message):
+            RunWriter.create(tmp_path / "other", wrong, [], [])
     assert not (tmp_path / "other").exists()
 
 
@@ -190,24 +194,6 @@ def test_the_log_is_repaired(small_run):
     ):
         _ = open_run(small_run).levels[0].log
     assert open_run(small_run).levels[0].steps == 8
-
-
-def test_folders_that_are_refused(small_run, tmp_path):
-    """Those that hold something else are among the refusals of `pdvol run`."""
-    before = (small_run / "run.json").read_bytes()
-    with pytest.raises(InputError, match="already holds a run; go on with it by --resume"):
-        RunWriter.create(small_run, INFO, [], [])
-    assert (small_run / "run.json").read_bytes() == before
-    with pytest.raises(InputError, match="needs .*dt.* in its info"):
-        RunWriter.create(tmp_path / "new", {"steps": 3}, [], [])
-
-
-def test_a_second_writer_is_refused(small_run):
-    with RunWriter.open(small_run):
-        with pytest.raises(InputError, match="is being written by another pdvol"):
-            RunWriter.open(small_run)
-        assert open_run(small_run).levels[0].steps == 7
-    RunWriter.open(small_run).close()
 
 
 def test_a_failed_write_keeps_what_was_stored(small_run):
