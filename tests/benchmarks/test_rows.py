@@ -122,7 +122,7 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
         (hertz, ("--cells", "two"), "two"),
         (live, ("nothing",), "there is no 'nothing'"),
         (stress, ("--scenes", "nothing"), "nothing"),
-        (time_order, ("--parts", "order,speed"), "there is no 'speed'; choose from order, shots, levels"),
+        (time_order, ("--parts", "order,speed"), "there is no 'speed'; choose from order, levels"),
     ],
 )
 def test_a_mistake_is_one_line(study, more, said, tiny, words, tmp_path, capsys):

@@ -105,7 +105,7 @@ def test_refinement_comes_closer_to_hertz():
 
 
 def test_states_of_two_time_steps_are_those_of_common_times():
-    scene = time_order.cantilever(damping=0.02)
+    scene = time_order.cantilever()
     coarse, fine = (time_order.states(scene, dt, "bdf2", steps=5)[0] for dt in (time_order.DT, time_order.DT / 5.0))
     assert len(coarse["x"]) == len(fine["x"]) == 5 and fine["newton"] > coarse["newton"] > 0
     assert 0.0 < time_order.over_shot(coarse, fine) < 1e-3
