@@ -3,8 +3,7 @@
     ./run python -m benchmarks.divergence runs/ape_direct runs/ape -o divergence.png
 
 The distance of level l from level k is the root mean square, over the volume of level l, of |x_l - P x_k| [m], P the
-prolongation from k to l (barycentric, the product of those in between). It is zero at rest, and always zero if level l
-only follows level k.
+run's own prolongation from k to l. It is zero at rest, and always zero if level l only follows level k.
 """
 
 import sys
