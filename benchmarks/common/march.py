@@ -81,8 +81,6 @@ def march(row: Row, out: Path, steps: int | None = None, code: Path = REPOSITORY
         "newton": [entry["newton_iterations"] for entry in log],
         "linear": [entry["linear_iterations"] for entry in log],
         "contacts": [entry["contacts"] for entry in log],
-        "cpu": fmean(entry["seconds"].get("cpu", 0.0) for entry in log),
-        "memory": log[-1]["peak_memory_mb"],
     }
 
 

@@ -16,6 +16,7 @@ from benchmarks.common.rows import Row, chosen
 from benchmarks.common.tables import Kept, number
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.measure import verify
+from pdvol.runs.stored_fields import stored_densities
 from pdvol.store.reader import Run, RunLevel, open_run
 
 PATIENCE = 60.0
@@ -109,8 +110,7 @@ def energies(run: Run, level: RunLevel) -> dict:
 
 def masses(run: Run, level: RunLevel) -> np.ndarray:
     """(n,) [kg], lumped."""
-    density = np.array([body["material"]["density"] for body in run.info["description"]["bodies"]])
-    return lumped_masses(level.mesh, density[level.bodies])
+    return lumped_masses(level.mesh, stored_densities(run)[level.index])
 
 
 # ---- the table

@@ -3,31 +3,28 @@
     ./run python -m benchmarks.divergence runs/ape_direct runs/ape -o divergence.png
 
 The distance of level l from level k is the root mean square, over the volume of level l, of |x_l - P x_k| [m], P the
-prolongation from k to l (barycentric, the product of those in between). It is zero at rest, and always zero if level l
-only follows level k.
+run's own prolongation from k to l. It is zero at rest, and always zero if level l only follows level k.
 """
 
 import sys
 from pathlib import Path
 
 import numpy as np
-from mpi4py import MPI
 
 from benchmarks.common.figures import over_time, panels
 from benchmarks.common.study import command
 from benchmarks.common.tables import table
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import lumped_masses
-from pdvol.levels.hierarchy import Hierarchy
 from pdvol.measure.metrics import distance
+from pdvol.runs.stored_fields import stored_hierarchy
 from pdvol.store.reader import Run, open_run
 from pdvol.studio.shown import PALETTE
 
 
 def distances(run: Run) -> dict[tuple[int, int], np.ndarray]:
     """(fine, coarse) -> distance [m] at states 0, 1, ...: of each level from the one below and from level 0."""
-    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
-    found = {}
+    hierarchy, found = stored_hierarchy(run), {}
     for fine in run.levels[1:]:
         volumes = lumped_masses(fine.mesh, np.ones(len(fine.mesh.cells)))
         for coarse in sorted({fine.index - 1, 0}, reverse=True):

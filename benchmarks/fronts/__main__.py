@@ -43,7 +43,6 @@ HEAD += ["most accurate at half the time", "fitted orders"]
     {
         "scenes": {"nargs": "?", "default": "", "help": ", ".join(SCENES)},
         "--budget": {"default": "4", "help": "minutes a scene"},
-        "--jobs": {"default": "", "help": "runs at a time"},
         "--out": {"type": Path, "default": Path("runs/fronts")},
         "--write": {"action": "store_true", "help": "put the table and the fronts into their pages"},
         "--dry": {"action": "store_true", "help": "no studies: what is stored in --out"},
@@ -60,7 +59,7 @@ def main(options) -> None:
     for name in names if not options.dry else ():
         file, more = SCENES[name]
         words = ["study", str(REPOSITORY / file), "-o", str(options.out / name), *VARIED, "--budget", options.budget]
-        trials.pdvol([*words, *(["--jobs", options.jobs] if options.jobs else []), *more])
+        trials.pdvol([*words, *more])
     stored = {name: options.out / name / "study.json" for name in SCENES}
     studies = {name: json.loads(file.read_text()) for name, file in stored.items() if file.is_file()}
     text = fronts_table(studies)

@@ -23,7 +23,7 @@ from pdvol.studio.study.front import cheapest_within
 from pdvol.studio.study.reference import ReferenceStates
 from pdvol.studio.wedge.variation import Base, Variation, times
 
-SHOT = Path(__file__).resolve().with_name("random_shot.py")
+SHOT = Path(__file__).resolve().with_name("scenes.py")
 HEAD = ["shot", "scene", "loose", "middle", "strict", "holds"]
 
 

@@ -20,7 +20,7 @@ from benchmarks.common.process import REPOSITORY, Mistake
 from benchmarks.common.scenes import first_order
 from benchmarks.common.study import command, each
 from benchmarks.common.tables import number, table
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, boundary_areas
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
@@ -127,9 +127,7 @@ def figures(stepper: Stepper, mesh: LevelMesh, x: np.ndarray, approach: float) -
     a = (3.0 * force * RADIUS / (4.0 * stiff)) ** (1.0 / 3.0)
     p0 = 1.5 * force / (np.pi * a**2)
     radius = np.sqrt(2.5 * (forces @ r2) / force)
-    corners = x[mesh.boundary]
-    thirds = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 6.0
-    areas = np.bincount(mesh.boundary.ravel(), np.repeat(thirds, 3), len(x))
+    areas = boundary_areas(LevelMesh(x, mesh.cells, mesh.bodies, mesh.regions))
     inner = (areas > 0) & (r2 < (0.7 * a) ** 2) & (x[:, 2] < 0.5 * RADIUS)
     square = (forces[inner] / areas[inner]) ** 2
     root = np.sqrt(areas[inner])

@@ -81,10 +81,12 @@ def run(chosen: Study, case: Case, path: Path, options) -> None:
 def judge(path: Path, case: Case, count: int) -> dict:
     """Findings about one run: metrics of its `count` coarsest levels, and defects of their states."""
     result, stored, levels = measure_run(path), open_run(path), []
-    for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
+    for entry, level, found in zip(result["levels"][:count], stored.levels, verify.check_levels(path), strict=False):
         record = {key: entry.get(key) for key in ("level", "summary", *METRICS)} | {"vertices": len(level.rest)}
         record["seconds"] = sum(r["seconds"]["cpu"] for r in level.log)
-        levels.append(record | states(level, stored.obstacles))
+        record |= {"states": found.steps, "crossings": found.crossings, "smallest_det": found.smallest_det}
+        record["crossing_states"] = sum(" intersections: " in problem for problem in found.problems)
+        levels.append(record | {"volume_change": volume_change(level)})
     return {
         "name": case.name,
         "method": case.method,
@@ -97,24 +99,12 @@ def judge(path: Path, case: Case, count: int) -> dict:
     }
 
 
-def states(level, obstacles) -> dict:
-    """Crossings, volumes and determinants over all states of a level."""
-    facets = verify.boundary(level.cells)
-    rest = verify.signed_volumes(level.rest, level.cells)
-    total = np.bincount(level.bodies, rest)
-    crossing, pairs, change, smallest = 0, 0, 0.0, np.inf
-    others = [o for o in obstacles if o.kind != "plane"]
-    for step in range(level.steps):
-        x = level.positions(step)
-        planes = [o.plane(step) for o in obstacles if o.kind == "plane"]
-        solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in others]
-        found = len(verify.crossings(x, facets, solids)) + sum(int(((x - p) @ n <= 0).sum()) for p, n in planes)
-        crossing, pairs = crossing + (found > 0), pairs + found
-        volumes = verify.signed_volumes(x, level.cells)
-        change = max(change, float(np.abs(np.bincount(level.bodies, volumes) / total - 1).max()))
-        smallest = min(smallest, float((volumes / rest).min()))
-    found = {"states": level.steps, "crossing_states": crossing, "crossing_pairs": pairs}
-    return {**found, "volume_change": change, "smallest_det": smallest}
+def volume_change(level) -> float:
+    """The largest change of a body's volume in any state, as a share of it."""
+    found = []
+    for x in (level.rest, *(level.positions(step) for step in range(level.steps))):
+        found.append(np.bincount(level.bodies, verify.signed_volumes(x, level.cells)))
+    return float(np.abs(np.array(found) / found[0] - 1).max())
 
 
 def cells(name: str, record: dict) -> list[list[str]]:
@@ -122,7 +112,7 @@ def cells(name: str, record: dict) -> list[list[str]]:
     finest, above = record["levels"][-1], record["levels"][1:]
     s = finest["summary"]
     n = s.get("continuity") or {}
-    counted = [sum(x[key] for x in above) for key in ("crossing_states", "states", "crossing_pairs")]
+    counted = [sum(x[key] for x in above) for key in ("crossing_states", "states", "crossings")]
     measures = ("continuity_error", "consistency", "distance", "roughness")
     row = [
         ", ".join([record["method"], *(f"{key} {value:g}" for key, value in record["settings"].items())]),

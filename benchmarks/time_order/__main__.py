@@ -1,6 +1,6 @@
-"""Implicit Euler and BDF2: their order in the time step, and how far shots and levels are from the truth.
+"""Implicit Euler and BDF2: their order in the time step, and how far levels are from the truth.
 
-    ./run python -m benchmarks.time_order [--parts order,shots,levels] [--out runs/time_order]
+    ./run python -m benchmarks.time_order [--parts order,levels] [--out runs/time_order]
 
 Distances are root mean squares over the vertices. The truth of a level is BDF2 at a tenth of the shots' time step.
 Written to the folder: time_order.md.
@@ -16,11 +16,10 @@ import numpy as np
 import pdvol
 from benchmarks.common.process import machine
 from benchmarks.common.rows import chosen
-from benchmarks.common.scenes import falling, first_order, grid
+from benchmarks.common.scenes import first_order, grid
 from benchmarks.common.study import command
 from benchmarks.common.tables import number, table
-from demos import ball_on_spike
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Support, meshes
+from pdvol import Body, Gravity, NeoHookean, Scene, Support, meshes
 
 DT, TRUTH = 0.01, 0.001
 """Time step of the shots, and of what they are compared with [s]."""
@@ -29,42 +28,18 @@ ORDER_STEPS = (0.005, 0.0025, 0.00125)
 NAMES = {"implicit_euler": "implicit Euler", "bdf2": "BDF2"}
 
 
-def cantilever(d: int = 2, damping: float = 0.0) -> Scene:
+def cantilever(d: int = 2) -> Scene:
     """A bar of 1 x 0.2 m, held at its left end, which gravity sets swinging; in 2D with three levels."""
     flat = tuple(grid((1.0, 0.2), (10 * n, 2 * n)) for n in (1, 2, 4))
     shapes = flat if d == 2 else (meshes.brick((1.0, 0.2, 0.2), (10, 2, 2)),)
     left = min(shape.vertices[:, 0].min() for shape in shapes)
     return Scene(
-        bodies=(Body(shapes, NeoHookean(1e5, 0.3, 1000.0, damping=damping), name="bar"),),
+        bodies=(Body(shapes, NeoHookean(1e5, 0.3), name="bar"),),
         supports=(Support(lambda X: X[:, 0] < left + 1e-9),),
         loads=(Gravity((0.0, -9.81, 0.0)[:d]),),
         dt=DT,
         steps=100,
     )
-
-
-def bouncing_disc(damping: float = 0.0, mu: float = 0.0) -> Scene:
-    """A soft disc of 0.25 m falls from 0.6 m onto the ground, with a velocity along it, and bounces."""
-    material, above = NeoHookean(1e5, 0.3, 1000.0, damping=damping), Placement((0.0, 0.85))
-    disc = Body(meshes.disc(0.25), material, (120,), "disc", placement=above, velocity=(0.5, 0.0))
-    ground, contact = Plane((0.0, 0.0), (0.0, 1.0)), (Barrier(), *_friction(mu))
-    return falling([disc], 100, DT, obstacles=(ground,), loads=(Gravity((0.0, -9.81)),), contact=contact)
-
-
-def ball(offset: float = 0.002, damping: float = 0.0) -> Scene:
-    """demos/ball_on_spike.py on its coarsest level, for 0.6 s; with damping, its friction is lagged until it is right.
-
-    At the demo's own offset the ball all but balances, and small errors decide to which side it goes.
-    """
-    scene = ball_on_spike.scene(offset=offset, steps=60)
-    (body,) = scene.bodies
-    damped = replace(body, material=replace(body.material, damping=damping))
-    return replace(scene, bodies=(damped,), contact=(Barrier(), *_friction(0.3))) if damping else scene
-
-
-def _friction(mu: float) -> tuple[Friction, ...]:
-    """Friction, if any, with its normal forces lagged until they are right, as the order of the integrator asks for."""
-    return (Friction(mu, iterations=20, tolerance=1e-4),) if mu else ()
 
 
 def states(
@@ -113,29 +88,6 @@ def orders() -> str:
     return table(["cantilever", "integrator", *(f"error at {dt:g} s [mm]" for dt in ORDER_STEPS), "order"], rows)
 
 
-def shots() -> str:
-    """Mean distance over a shot on level 0 from its truth."""
-    made = {
-        "cantilever": cantilever(),
-        "cantilever, damping": cantilever(damping=0.02),
-        "disc that bounces": bouncing_disc(),
-        "disc that bounces, damping, friction": bouncing_disc(damping=0.005, mu=0.3),
-        "ball_on_spike as it is": ball(),
-        "ball_on_spike, damping, 1 cm off the axis": ball(0.01, 0.01),
-    }
-    rows = []
-    for label, scene in made.items():
-        (truth,) = states(scene, TRUTH, "bdf2")
-        row, newton = [], []
-        for name, dt in (("implicit_euler", DT), ("bdf2", DT), ("implicit_euler", TRUTH)):
-            (found,) = states(scene, dt, name)
-            row.append(number(1e3 * over_shot(found, truth)))
-            newton.append(str(found["newton"]))
-        rows.append([label, *row, " / ".join(newton[:2])])
-    head = ["level 0", "implicit Euler [mm]", "BDF2 [mm]", f"implicit Euler at {TRUTH:g} s [mm]", "Newton"]
-    return table(head, rows)
-
-
 def levels() -> str:
     """A cantilever's three levels, each beside itself at a tenth of the time step."""
     rows = []
@@ -153,7 +105,7 @@ def levels() -> str:
     return table([*head, "centre from level 0's truth, over the shot [mm]", "Newton"], rows)
 
 
-PARTS: dict[str, Callable[[], str]] = {"order": orders, "shots": shots, "levels": levels}
+PARTS: dict[str, Callable[[], str]] = {"order": orders, "levels": levels}
 
 
 @command(

@@ -9,10 +9,9 @@ from pathlib import Path
 
 from demos.gallery.check import table_of_ages
 from demos.gallery.entries import DEMOS, Entry
-from demos.gallery.figures import table_of_levels
 from demos.gallery.film import write_binding, write_film, write_picture, write_tile
 from demos.gallery.page import RUNS, Shown, write_entry, write_index
-from demos.gallery.shots import write_costs
+from demos.gallery.shots import table_of_levels, write_costs
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, note, simulate
 from pdvol.errors import PdvolError

@@ -123,23 +123,23 @@ def write_tile(entry: Entry, run: Run, entries: Sequence[Entry], sheet: Path) ->
     step = min(round(entry.moment / run.dt), run.info["steps"])
     level = next(level for level in reversed(run.levels) if level.steps > step)
     tile = next(composed([Pane(run, level)], [step], seen(entry), Grid(1, 1, TILE)))
-    return place_tile(tile, entry, entries, sheet)
+    return place_tile(tile, entry.title, [each.title for each in entries], sheet)
 
 
-def place_tile(tile: Image.Image, entry: Entry, entries: Sequence[Entry], sheet: Path) -> Path:
-    """Put a tile on the contact sheet of some entries, which begins empty where there is none of its size."""
-    columns, height = min(SHEET_COLUMNS, len(entries)), TILE[1] + LABEL
-    picture = Image.new("RGB", (columns * TILE[0], -(-len(entries) // columns) * height), BACKGROUND)
+def place_tile(tile: Image.Image, title: str, titles: Sequence[str], sheet: Path) -> Path:
+    """Put a tile on the contact sheet of all `titles`, which begins empty where there is none of its size."""
+    columns, height = min(SHEET_COLUMNS, len(titles)), TILE[1] + LABEL
+    picture = Image.new("RGB", (columns * TILE[0], -(-len(titles) // columns) * height), BACKGROUND)
     if sheet.is_file():
         with Image.open(sheet) as before:
             if before.size == picture.size:
                 picture.paste(before.convert("RGB"))
-    place = [each.name for each in entries].index(entry.name)
+    place = titles.index(title)
     x, y = place % columns * TILE[0], place // columns * height
     picture.paste(tile.convert("RGB").resize(TILE), (x, y))
     picture.paste(BACKGROUND, (x, y + TILE[1], x + TILE[0], y + height))
     middle = (x + TILE[0] / 2, y + TILE[1] + LABEL / 2)
-    ImageDraw.Draw(picture).text(middle, entry.title, INK, font(14), anchor="mm")
+    ImageDraw.Draw(picture).text(middle, title.replace("_", " "), INK, font(14), anchor="mm")
     picture.save(sheet)
     return fit_picture(sheet, picture.width, 128)
 

@@ -1,4 +1,6 @@
-"""What a level costs, of all shots: figures kept beside each page as NAME.json, and the table that is made of them."""
+"""What levels cost and how far they are from level 0: the table of a page, figures kept beside it as NAME.json, and the
+table that is made of these.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,8 +10,13 @@ import numpy as np
 
 from benchmarks.common.tables import number, table
 from demos.gallery.entries import Entry
+from pdvol.measure.verify import check_levels
+from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.store.files import read_json, write_json
 from pdvol.store.reader import Run
+from pdvol.studio.wedge.variation import length
+
+MOST_STATES = 700  # of a level, that are checked for intersections
 
 SAVING = 10.0
 """Ratio of times, without a unit: the order of magnitude that a preview is to save at least."""
@@ -46,6 +53,32 @@ def costs(run: Run) -> list[dict[str, Any]]:
 def _place(points: np.ndarray) -> list[float]:
     centre = points.mean(axis=0)
     return [*centre.tolist(), float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))]
+
+
+def table_of_levels(run: Run, direct: Run | None = None) -> str:
+    """Markdown: a column a level. Stored states are checked, so this takes as long as `pdvol verify`; every second one
+    of a run of more than `MOST_STATES`, every third of more than twice as many, and so on.
+
+    Parameters
+    ----------
+    direct : the same scene with `--method direct`, which gives a row of its own
+    """
+    levels = costs(run)
+    rows = [
+        ["vertices", *(f"{level['vertices']:,}" for level in levels)],
+        ["CPU seconds a step", *(number(level["cpu"], 2) for level in levels)],
+        ["Newton iterations a step", *(number(level["newton"], 2) for level in levels)],
+    ]
+    for name, each in (("at most from level 0", run), ("by `--method direct`", direct)):
+        if each is not None:
+            far = {found["level"]: length(found["largest_distance"]) for found in motion_from_level_0(each)[1:]}
+            rows.append([name, *(far.get(level["level"], "") for level in levels)])
+    crossings = []
+    for found in check_levels(run.path, -(-run.info["steps"] // MOST_STATES)):
+        others = f"; {len(found.problems)} problems" if found.problems else ""  # planes and inverted cells as well
+        crossings += [f"{found.crossings} in {found.steps} states{others}"] * (found.steps > 1)
+    head = ["", *(f"level {level['level']}" for level in levels)]
+    return f"{table(head, rows)}\n\nIntersections: {'; '.join(dict.fromkeys(crossings))}."
 
 
 def write_costs(

@@ -1,6 +1,5 @@
 """The run of an entry: made once, gone on with after an interruption, with a note of commits and machine."""
 
-import os
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.common.commits import MissingObject, Repository
+from benchmarks.common.process import machine
 from demos.gallery.entries import DEMOS, Entry
 from pdvol.errors import SimulationError
 from pdvol.runs.runner import Execution, run_scene
@@ -15,7 +15,6 @@ from pdvol.runs.scene_file import load_module, load_shot
 from pdvol.store.files import read_json, write_json
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
-from pdvol.studio.study.study import processor
 from pdvol.studio.wedge.scored_body import at_level
 
 TIES = ("consistency", "feedback")
@@ -42,9 +41,8 @@ def _march(entry: Entry, folder: Path, method: str) -> int:
     """Simulate what is missing, in a process of its own; its exit status."""
     there = holds_run(folder)
     commits = [*(note(folder).get("commits", ()) if there else ()), commit()]
-    machine = {"processor": processor(), "cores": os.cpu_count(), "load": os.getloadavg()[0]}
     folder.parent.mkdir(parents=True, exist_ok=True)
-    write_json(_note_file(folder), {"commits": list(dict.fromkeys(commits)), **machine})
+    write_json(_note_file(folder), {"commits": list(dict.fromkeys(commits)), **machine()})
     words = ["run", str(entry.file), "--out", str(folder), "--no-picture", "--no-xdmf", "--method", method]
     words += ["--ranks", "1"]  # times on pages are comparable
     words += [word for name, value in settings_by(entry, method).items() for word in ("--set", f"{name}={value}")]

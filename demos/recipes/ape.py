@@ -14,13 +14,7 @@ from .field import Field
 @lru_cache(maxsize=4)  # seconds to make
 def ape(height: float = 1.0, vertices: int = 5000) -> Surface:
     """A gorilla `height` [m] tall to the top of its head, y up, facing +z; its seat, its soles and its right fist (-x)
-    rest flat on y = 0.
-
-    Parameters
-    ----------
-    height : float [m]
-    vertices : int
-        Vertices of the surface, about.
+    rest flat on y = 0. `vertices` of the surface, about.
     """
     figure = Field(0.014, (-0.70, 0.85), (-0.06, 1.16), (-0.46, 0.72))
     p, q = figure.p, figure.q

@@ -10,14 +10,8 @@ from .field import Field
 
 
 def gear(radius: float = 0.3, teeth: int = 24, tooth: float = 0.12, share: float = 0.35) -> Outline:
-    """A wheel with thin straight teeth about the origin.
-
-    Parameters
-    ----------
-    radius : to the feet of the teeth [m]
-    teeth : how many
-    tooth : length of a tooth [m]
-    share : width of a tooth over the distance between neighbours' middles, at their feet, below 1
+    """A wheel about the origin of a `radius` [m] to the feet of thin straight teeth of length `tooth` [m]; `share` is
+    their width at the feet over the distance between neighbours' middles, below 1.
     """
     half = np.pi * share / teeth  # rad: half a tooth, seen from the middle
     points = []
@@ -31,13 +25,8 @@ def gear(radius: float = 0.3, teeth: int = 24, tooth: float = 0.12, share: float
 
 
 def seahorse(height: float = 1.0, ridges: int = 22, points: int = 700) -> Outline:
-    """A seahorse `height` [m] tall, looking along -x, with a curled tail, a frilled fin and ridges along its back; its
-    lowest point is at y = 0.
-
-    Parameters
-    ----------
-    ridges : knobs along the back and the tail
-    points : of the outline, about
+    """A seahorse `height` [m] tall, looking along -x, with a curled tail, a frilled fin and `ridges` along its back;
+    its lowest point is at y = 0. `points` of the outline, about.
     """
     figure = Field(0.0025, (-0.34, 0.36), (-0.06, 1.10))
     figure.values = _seahorse(figure.p, ridges)

@@ -9,11 +9,8 @@ from .field import Field
 
 
 def dolphin(length: float = 1.0, vertices: int = 4000) -> Surface:
-    """A dolphin `length` [m] long, its nose towards -y, its back towards +z, about the y axis.
-
-    Parameters
-    ----------
-    vertices : of the surface, about
+    """A dolphin `length` [m] long, its nose towards -y, its back towards +z, about the y axis; `vertices` of the
+    surface, about.
     """
     h = 0.011
     figure = Field(h, (-0.28, 0.28 + h), (-0.56, 0.60 + h), (-0.22, 0.30 + h))

@@ -40,12 +40,7 @@ def gnome(height: float = 0.6, vertices: int = 6000) -> Surface:
 @lru_cache(maxsize=4)
 def letter_block(size: float = 0.4, depth: float = 0.10, vertices: int = 4000) -> Surface:
     """A toy block with edges of `size` [m] about the origin, with A, B and C cut into its faces: A above, B before (+z)
-    and behind, C on the sides.
-
-    Parameters
-    ----------
-    depth : of the letters, over the size
-    vertices : of the surface, about
+    and behind, C on the sides. `depth` of the letters, over the size; `vertices` of the surface, about.
     """
     h = 0.0125  # grid cell of a block of size one
     axis = np.arange(-0.54, 0.54, h)

@@ -28,12 +28,8 @@ def leaf_sheep(length: float = 0.5, vertices: int = 12000) -> Surface:
 
 @lru_cache(maxsize=4)
 def sea_mushroom(height: float = 0.6, vertices: int = 3000) -> Surface:
-    """A plant with a stem and three caps like shelves, the widest on top: `height` [m] tall, y up, on y = 0.
-
-    Parameters
-    ----------
-    height : [m]
-    vertices : of the surface, about
+    """A plant with a stem and three caps like shelves, the widest on top: `height` [m] tall, y up, on y = 0. `vertices`
+    of the surface, about.
     """
     figure = Field(0.014, (-0.80, 0.80), (-0.05, 1.10), (-0.52, 0.52))
     p = figure.p
@@ -54,13 +50,8 @@ def sea_mushroom(height: float = 0.6, vertices: int = 3000) -> Surface:
 
 @lru_cache(maxsize=4)
 def stone(width: float = 0.4, vertices: int = 1500, seed: int = 0) -> Surface:
-    """A rounded stone `width` [m] wide along x, y up, flat at y = 0; `seed` chooses its bumps.
-
-    Parameters
-    ----------
-    width : [m]
-    vertices : of the surface, about
-    seed : of its bumps
+    """A rounded stone `width` [m] wide along x, y up, flat at y = 0; `seed` chooses its bumps. `vertices` of the
+    surface, about.
     """
     figure = Field(0.02, (-0.62, 0.62), (-0.06, 0.62), (-0.62, 0.62))
     parts, random = [(ellipsoid(figure.p, (0.0, 0.12, 0.0), (0.46, 0.30, 0.40)), 0.1)], np.random.default_rng(seed)

@@ -36,14 +36,8 @@ def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:
 
 @lru_cache(maxsize=8)  # bodies of one shape share it
 def bunny_slice(height: float, thickness: float, vertices: int, layers: int) -> Solid:
-    """A slice [m] in the shape of `bunny_outline`, lying flat: y is its thickness, its middle the origin.
-
-    Parameters
-    ----------
-    height : of the outline [m]
-    thickness : [m]
-    vertices : of one face, about
-    layers : of cells through the thickness
+    """A slice [m] in the shape of `bunny_outline`, lying flat: y is its thickness, its middle the origin. `vertices` of
+    one face, about; `layers` of cells through the thickness.
     """
     outline = bunny_outline(height, 160).points
     flat = triangulate([outline - (outline.max(axis=0) + outline.min(axis=0)) / 2.0], vertices, "slice")

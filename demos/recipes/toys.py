@@ -10,14 +10,7 @@ from pdvol.meshes.outlines import disc, polygon, triangles_of
 
 
 def letter(name: str, height: float = 0.5) -> Outline | Solid:
-    """The capital A, B or C, `height` [m] tall, about the origin; A and B have holes and are triangulated (see
-    `pierced`).
-
-    Parameters
-    ----------
-    name : "A", "B" or "C"
-    height : [m]
-    """
+    """The capital A, B or C, `height` [m] tall, about the origin; A and B have holes and are triangulated."""
     letters: dict[str, Callable[[], Outline | Solid]] = {"A": _a, "B": _b, "C": _c}
     shape = letters[name]()
     points = shape.points if isinstance(shape, Outline) else shape.vertices
@@ -26,14 +19,8 @@ def letter(name: str, height: float = 0.5) -> Outline | Solid:
 
 
 def propeller(radius: float = 0.3, blades: int = 3, hub: float = 0.25, points: int = 240) -> Solid:
-    """Blades [m] swept about the origin, with a round hole in the hub; `hub` is the hub's radius over the blades'.
-
-    Parameters
-    ----------
-    radius : of the blades [m]
-    blades : how many
-    hub : its radius, as a fraction of the blades'
-    points : of the outline
+    """Blades of a `radius` [m] swept about the origin, with a round hole in the hub; `hub` is the hub's radius over the
+    blades'. `points` of the outline.
     """
     angle = 2.0 * np.pi * np.arange(points) / points
     reach = hub + (1.0 - hub) * (0.5 + 0.5 * np.cos(blades * angle)) ** 1.3
@@ -43,13 +30,8 @@ def propeller(radius: float = 0.3, blades: int = 3, hub: float = 0.25, points: i
 
 
 def worm(length: float = 0.9, width: float = 0.16, waves: float = 1.25, sway: float = 0.09) -> Outline:
-    """A wavy worm [m] along x about the origin, its thick head at the right.
-
-    Parameters
-    ----------
-    length, width : [m]
-    waves : periods of its middle line
-    sway : amplitude of that line [m]
+    """A wavy worm [m] along x about the origin, its thick head at the right: `waves` periods of its middle line, with
+    the amplitude `sway` [m].
     """
     x = np.linspace(-0.5, 0.5, 81)
     middle = np.column_stack([length * x, sway * np.sin(2.0 * np.pi * waves * x)])
@@ -58,13 +40,8 @@ def worm(length: float = 0.9, width: float = 0.16, waves: float = 1.25, sway: fl
 
 
 def trampoline(width: float = 2.6, height: float = 0.6, bed: float = 0.05, leg: float = 0.1) -> Outline:
-    """A bed [m] thick on two legs that stand at y = 0; its top is at y = `height`, its middle at x = 0.
-
-    Parameters
-    ----------
-    width, height : outside [m]
-    bed : its thickness [m]
-    leg : width of a leg [m]
+    """A `bed` [m] thick on two legs, `leg` [m] wide, that stand at y = 0; its top is at y = `height`, its middle at
+    x = 0.
     """
     half, under = width / 2.0, height - bed
     corners = [
@@ -81,14 +58,8 @@ def trampoline(width: float = 2.6, height: float = 0.6, bed: float = 0.05, leg: 
 
 
 def beach_ball(radius: float = 0.2, panels: int = 6, points: int = 96) -> Solid:
-    """A disc [m] about the origin whose cells are labelled by panel, 1 to `panels`, and 0 in the round cap where these
-    meet.
-
-    Parameters
-    ----------
-    radius : [m]
-    panels : how many
-    points : of the rim
+    """A disc of a `radius` [m] about the origin whose cells are labelled by panel, 1 to `panels`, and 0 in the round
+    cap where these meet. `points` of the rim.
     """
     rim, cap = disc(radius, points).points, disc(0.22 * radius, points).points
     here = np.arange(points)

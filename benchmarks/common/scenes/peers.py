@@ -26,6 +26,8 @@ MATERIAL = NeoHookean(2e5, poisson=0.4, density=1000.0)
 BARRIER = Barrier(dhat=1e-3)
 SOLVER = Solver(tolerance=1e-3)
 RUB = Friction(0.3, eps_v=1e-3)
+BAR = (1.0, 0.25, 0.25)
+"""Sides of the bar that is twisted [m]."""
 SIDE = 1e-6
 """Metres within which a vertex belongs to an end face."""
 
@@ -58,7 +60,7 @@ def blocks(peers: Path) -> Scene:
     return of_peers(bodies, 60, Friction(0.5, eps_v=1e-3))
 
 
-def twist(levels: tuple[Solid, ...], speed: float, steps: int = 100) -> Scene:
+def twist(mesh: Solid, speed: float, steps: int = 100) -> Scene:
     """A bar of 1 x 0.25 x 0.25 m along x, its ends turned by +speed (at x = -0.5 m) and -speed [deg/s].
 
     The scene has a barrier although nothing touches at 72 deg/s. The guarantee that nothing crosses is part of the
@@ -69,7 +71,7 @@ def twist(levels: tuple[Solid, ...], speed: float, steps: int = 100) -> Scene:
         Support(lambda X: X[:, 0] < -0.5 + SIDE, motion=Rotation(turn, ORIGIN, X_AXIS)),
         Support(lambda X: X[:, 0] > 0.5 - SIDE, motion=Rotation(-turn, ORIGIN, X_AXIS)),
     )
-    return of_peers([Body(levels, MATERIAL)], steps, supports=ends, loads=(), obstacles=())
+    return of_peers([Body((mesh,), MATERIAL)], steps, supports=ends, loads=(), obstacles=())
 
 
 def impact(peers: Path, speed: float) -> Scene:
@@ -87,26 +89,19 @@ def impact(peers: Path, speed: float) -> Scene:
     return of_peers([thrown, Body((slab,), MATERIAL, name="slab")], 20, supports=(rim,), obstacles=())
 
 
-def bar(*cuts: tuple[int, int, int]) -> tuple[Solid, ...]:
-    """The twisted bar by our own recipe, one Solid per triple of cuts."""
-    return tuple(brick((1.0, 0.25, 0.25), three) for three in cuts)
-
-
 SCENES = {
     **{f"drop_{size}": lambda peers, size=size: drop(peers, f"drop_{size}") for size in ("500", "4k", "20k")},
     **{
-        f"twist_{size}": lambda peers, size=size: twist((peer_mesh(peers, f"twist_{size}"),), 72.0)
+        f"twist_{size}": lambda peers, size=size: twist(peer_mesh(peers, f"twist_{size}"), 72.0)
         for size in ("1k", "4k", "20k")
     },
-    "twistx_1k": lambda peers: twist((peer_mesh(peers, "twist_1k"),), 360.0),
+    "twistx_1k": lambda peers: twist(peer_mesh(peers, "twist_1k"), 360.0),
     "blocks": blocks,
     **{f"impact_{speed}": lambda peers, speed=speed: impact(peers, speed) for speed in (45, 100, 150)},
-    # 99,900 vertices; below it levels of 19,941 and 4,000.
-    "twist_100k": lambda peers: twist(bar((110, 29, 29)), 72.0, 5),
-    # 297,689 and 987,136 vertices (1.7 and 5.7 million tetrahedra)
-    "twist_300k": lambda peers: twist(bar((160, 42, 42)), 72.0, 5),
-    "twist_1m": lambda peers: twist(bar((240, 63, 63)), 72.0, 10),
-    "twist_100k_levels": lambda peers: twist(bar((39, 9, 9), (68, 16, 16), (110, 29, 29)), 72.0, 5),
+    # 99,900, 297,689 and 987,136 vertices (1.7 and 5.7 million tetrahedra)
+    "twist_100k": lambda peers: twist(brick(BAR, (110, 29, 29)), 72.0, 5),
+    "twist_300k": lambda peers: twist(brick(BAR, (160, 42, 42)), 72.0, 5),
+    "twist_1m": lambda peers: twist(brick(BAR, (240, 63, 63)), 72.0, 10),
 }
 """Functions of the peers' folder, by name, in the order in which they are run."""
 

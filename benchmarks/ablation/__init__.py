@@ -1,1 +1,0 @@
-"""What does each rule of the solver gain?"""

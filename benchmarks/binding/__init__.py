@@ -1,1 +1,0 @@
-"""What snapping does to coarse cells, and how local biharmonic weights are."""

@@ -1,1 +1,0 @@
-"""How far do the levels of a shot drift apart?"""

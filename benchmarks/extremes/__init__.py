@@ -1,1 +1,0 @@
-"""How far can each number be pushed? The stability envelope."""

@@ -1,1 +1,0 @@
-"""Which settings give an accuracy in the shortest time? `pdvol study` on eight scenes."""

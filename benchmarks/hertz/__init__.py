@@ -1,1 +1,0 @@
-"""Does contact converge to Hertz' solution in cell size and contact distance?"""

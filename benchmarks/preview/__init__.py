@@ -1,1 +1,0 @@
-"""How right previews are: old and new defaults side by side, and the page that shows it."""

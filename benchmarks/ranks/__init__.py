@@ -1,1 +1,0 @@
-"""What do MPI ranks gain?"""

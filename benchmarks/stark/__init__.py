@@ -1,1 +1,0 @@
-"""How fast is a step beside STARK's? Both run in turn on one machine."""

@@ -1,1 +1,0 @@
-"""Implicit Euler and BDF2: their order, their damping, and what they give at one time step."""
