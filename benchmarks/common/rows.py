@@ -44,6 +44,11 @@ def pile(name: str, steps: int, title: str = "") -> Row:
     return scene(name, steps, f"{SCENES}/piles.py", title)
 
 
+def squeeze(name: str, steps: int, title: str) -> Row:
+    """A row of scenes/squeezes.py, which needs the default model: compare it with 2440552 or later."""
+    return scene(name, steps, f"{SCENES}/squeezes.py", title)
+
+
 STRESS, EXTREMES = "benchmarks/stress/scenes.py", "benchmarks/extremes/scenes.py"
 ROWS = {
     "flight": pile("jelly_bowl", 6, "`jelly_bowl` level 0, in free flight"),
@@ -65,6 +70,12 @@ ROWS = {
         f"struck_{speed}": pile(f"struck_{speed}", 20, f"a rigid ball at {speed} m/s into a free cube")
         for speed in (15, 50)
     },
+    "pin": squeeze("pin", 56, "a rolling pin on dough"),
+    "gears": squeeze("gears", 55, "a block drawn between gears"),
+    "piston": squeeze("piston", 50, "a ball pressed in a cup"),
+    "ring": squeeze("ring", 40, "a bar pulled through a narrower ring"),
+    "belts": squeeze("belts", 50, "a ball carried between belts"),
+    "capstan": squeeze("capstan", 40, "a strap over a turning drum of eight sides"),
     "twist_20k": scene("twist_20k", 20),
     "drop_20k": scene("drop_20k", 45),
     "twist_100k": scene("twist_100k", 5),

@@ -24,7 +24,7 @@ from benchmarks.common.tables import Kept, Page, number
 from pdvol.errors import PdvolError
 from pdvol.measure import verify
 
-LONG = (*EVERYDAY, "impact", "struck", "twist_20k", "drop_20k")
+LONG = (*EVERYDAY, "impact", "struck", "pin", "gears", "piston", "ring", "belts", "capstan", "twist_20k", "drop_20k")
 LONG += ("twist_100k", "twist_20_turns", "rods_twist", "mat_twist", "trash_compactor")
 CODE = ("pdvol", "forms", "meshes")
 """The folders of the package."""
