@@ -20,10 +20,10 @@ CODE = (".py", ".c", ".h", ".js")
 LINES = {
     # part: (folders or files, lines of code at most)
     "core": (("pdvol", "forms", "meshes"), 31_795),
-    "studio": (("pdvol/studio",), 12_103),
-    "tests": (("tests",), 36_235),
-    "benchmarks": (("benchmarks",), 4_950),
-    "demos": (("demos",), 3_826),
+    "studio": (("pdvol/studio",), 12_099),
+    "tests": (("tests",), 32_760),
+    "benchmarks": (("benchmarks",), 4_600),
+    "demos": (("demos",), 3_716),
 }
 """`core` is all but the studio and its vendored library."""
 WORDS = 25_000
