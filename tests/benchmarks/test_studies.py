@@ -12,7 +12,7 @@ from benchmarks.divergence import __main__ as divergence
 from benchmarks.fronts import __main__ as fronts
 from benchmarks.hertz import __main__ as hertz
 from benchmarks.live import __main__ as live
-from benchmarks.preview import page, shots
+from benchmarks.preview import __main__ as preview
 from benchmarks.time_order import __main__ as time_order
 from browser import CHROMIUM
 from pdvol.cli import run
@@ -112,10 +112,10 @@ def test_states_of_two_time_steps_are_those_of_common_times():
 
 
 def test_the_page_of_previews_has_what_the_command_makes():
-    text, made = page.DOCS.read_text(), page.Page(page.DOCS, "preview", "table").text
-    assert made.count(", level ") == 8 and all(kind in made for kind in shots.KINDS)
+    text, made = preview.DOCS.read_text(), preview.Page(preview.DOCS, "preview", "table").text
+    assert made.count(", level ") == 8 and all(kind in made for kind in preview.KINDS)
     for file in (f"how_right_{name}.{ending}" for name in ("bar", "ape") for ending in ("webp", "png")):
-        assert f"pictures/{file}" in text and (page.PICTURES / file).is_file()
+        assert f"pictures/{file}" in text and (preview.PICTURES / file).is_file()
 
 
 def test_files_of_a_commit_are_read_without_git(tmp_path):
