@@ -44,6 +44,7 @@ from pdvol.solve.report import NewtonReport
 PREDICTIONS = 4
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
+_NAN = next(value for value, name in _REASONS.items() if "NAN" in name)  # PETSc 3.25 has it by another name
 
 
 class Newton:
@@ -155,7 +156,7 @@ class Newton:
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
         reasons, gradient_norm, report = PETSc.SNES.ConvergedReason, norms[2], self._solve.report
         if np.isnan(gradient_norm):
-            return reasons.DIVERGED_FNORM_NAN
+            return _NAN
         if gradient_norm == 0.0:
             report.speed = 0.0
             return reasons.CONVERGED_FNORM_ABS
@@ -349,8 +350,7 @@ class Newton:
             self._vector.setArray(x.owned.ravel())
             with own_errors():
                 self.snes.solve(None, self._vector)
-            x = self._positions(self._vector)
-            reason = self.snes.getConvergedReason()
+            x, reason = self._positions(self._vector), self.snes.getConvergedReason()
             solve.report.iterations += self.snes.getIterationNumber()
             solve.report.linear_iterations += self.snes.getLinearSolveIterations()
             if not self.remedy(reason):
@@ -358,7 +358,7 @@ class Newton:
         report = solve.report
         report.converged = reason > 0
         try:
-            if reason == PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN:
+            if "NAN" in _REASONS.get(reason, ""):
                 self.potential.require_admissible(solve.states[0])  # the last one that was tried
         except SimulationError as error:
             report.reason = str(error)
