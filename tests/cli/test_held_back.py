@@ -57,9 +57,9 @@ def test_nothing_is_crossed_at_the_real_positions(folder, capfd):
     # Where the script has the plate by now it would have gone through the block.
     assert run.obstacles[1].plane(10)[0][1] < 0.0
     assert pdvol("info", folder / "whole") == 0
-    told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
-    assert [line.split(":")[0] for line in told] == ["level 0", "level 1"]
-    assert all("s behind at the end" in line and "first in step" in line for line in told)
+    printed = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
+    assert [line.split(":")[0] for line in printed] == ["level 0", "level 1"]
+    assert all("s behind at the end" in line and "first in step" in line for line in printed)
 
 
 def test_forces_use_the_real_positions_of_obstacles(folder):

@@ -67,16 +67,16 @@ def answer(path) -> str:
     begin = seconds_of_processor()
     try:
         shape = read_shape(path)
-        told = type(shape).__name__
+        printed = type(shape).__name__
         points = shape.vertices
         assert points.ndim == 2 and points.dtype == np.float64
     except InputError as error:
-        told = str(error)
-        assert "\n" not in told and str(path) in told
+        printed = str(error)
+        assert "\n" not in printed and str(path) in printed
     own, used = (resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     assert used < 1.2 * own + MEGABYTES, "a child took too much"
     assert seconds_of_processor() - begin < 2 * SECONDS
-    return told
+    return printed
 
 
 @pytest.mark.parametrize("slowly", [False, pytest.param(True, marks=pytest.mark.slow)])
@@ -85,15 +85,15 @@ def test_mutated_meshes(tmp_path, suffix, slowly):
     few = 2 if suffix in (".vtk", ".vtu") else 6  # VTK begins a process of its own
     folder, rounds = tmp_path, 50 * few if slowly else few
     sound, rng = sound_file(folder, suffix).read_bytes(), random.Random(f"{suffix}{rounds}")
-    told = []
+    printed = []
     for number in range(rounds):
         path = folder / f"{number}{suffix}"
         path.write_bytes(mutated(sound, rng))
         before = {p.name for p in folder.iterdir()}
-        told.append(answer(path))
+        printed.append(answer(path))
         assert {p.name for p in folder.iterdir()} == before
         path.unlink()
-    assert any("export" in text for text in told), told
+    assert any("export" in text for text in printed), printed
 
 
 HUGE = {

@@ -50,7 +50,7 @@ def test_the_documented_material_and_regions_run(tmp_path, capsys):
         )
         assert np.abs(now / rest - 1.0).max() < 1e-4
     assert pdvol("info", tmp_path / "beam.py") == 0
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     said = ("FixedCorotational, young 1e+06 Pa", "Muscle", "fibres 100000", "young 2e+10 Pa", "plane strain")
-    assert all(part in told for part in said) and "damping" not in told
+    assert all(part in printed for part in said) and "damping" not in printed
     assert pdvol("metrics", tmp_path / "run_0.0") == 0

@@ -201,7 +201,7 @@ def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys):
     (run / "log.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert measured(run)["levels"][0]["continuity"][2] is None
     info = json.loads((run / "run.json").read_text())
-    for change, told in (
+    for change, printed in (
         ({"scene_file": str(tmp_path / "gone.py")}, "gone.py is gone"),
         ({"parameters": {"mu": 0.9}}, "has changed (scene.contact[1].mu"),
         ({"parameters": {"colour": 1}}, "no parameter 'colour'"),
@@ -209,7 +209,7 @@ def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys):
         (run / "run.json").write_text(json.dumps({**info, **change}))
         capsys.readouterr()
         result = measured(run)
-        assert told in capsys.readouterr().out and all("continuity" not in level for level in result["levels"])
+        assert printed in capsys.readouterr().out and all("continuity" not in level for level in result["levels"])
         assert "consistency" in result["levels"][1]
 
 

@@ -58,8 +58,8 @@ def test_a_sound_scene(check):
         # Between x = 1 and x = 1.005, at half a dhat.
         gap = entry["smallest_gap"]
         assert gap["distance"] == pytest.approx(0.005) and gap["dhats"] == pytest.approx(0.5)
-        told = gap["one"] + gap["other"]
-        assert "body 'left'" in told and "body 'right'" in told
+        printed = gap["one"] + gap["other"]
+        assert "body 'left'" in printed and "body 'right'" in printed
         assert entry["near_pairs"] > 0
         # Half of a square: 4 sqrt(3) (s^2 / 2) / (4 s^2) = sqrt(3) / 2.
         assert len(entry["worst_cells"]) == 5 and entry["worst_cells"][0]["quality"] == pytest.approx(np.sqrt(3) / 2)
@@ -115,8 +115,10 @@ def test_every_crossing_is_named_and_drawn(check, tmp_path):
     code, lines, found = check(text, "--set", "apart=0.9", "-o", "drawn")
     assert code == 2 and lines[-1].startswith("not sound") and not found["sound"]
     for level in range(2):
-        told = [line for line in lines if line.startswith(f"defect at level {level}: ")]
-        assert len(told) == 2 and "plane 'floor'" in told[0] and "crosses" in told[1] and "edge (" in told[1]
+        printed = [line for line in lines if line.startswith(f"defect at level {level}: ")]
+        assert (
+            len(printed) == 2 and "plane 'floor'" in printed[0] and "crosses" in printed[1] and "edge (" in printed[1]
+        )
         drawn = meshio.read(tmp_path / "drawn" / f"defects_{level}.vtu")
         below = np.concatenate(
             [drawn.points[b.data[d == 1].ravel()] for b, d in zip(drawn.cells, drawn.cell_data["defect"], strict=True)]

@@ -129,9 +129,9 @@ study fall.py -o s --reference dt                            | write name=value
 LINES = [[part.strip() for part in line.rsplit("|", 1)] for line in COMMANDS.splitlines() if line]
 
 
-@pytest.mark.parametrize(("line", "told"), LINES)
-def test_command_lines(refuse, line, told):
-    assert told in refuse(*shlex.split(line))
+@pytest.mark.parametrize(("line", "printed"), LINES)
+def test_command_lines(refuse, line, printed):
+    assert printed in refuse(*shlex.split(line))
 
 
 # ---- scenes
@@ -244,7 +244,7 @@ def test_a_shape_that_may_not_be_read(refuse, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "printed"),
     [
         ("def scene(:\n", "SyntaxError"),
         ("import nowhere_to_be_found\n", "ModuleNotFoundError"),
@@ -261,8 +261,8 @@ def test_a_shape_that_may_not_be_read(refuse, tmp_path):
         ("def scene():\n    return scene()\n", "Recursion"),
     ],
 )
-def test_broken_scene_files(refuse, tmp_path, text, told):
-    assert told in refuse("run", write(tmp_path / "s.py", text))
+def test_broken_scene_files(refuse, tmp_path, text, printed):
+    assert printed in refuse("run", write(tmp_path / "s.py", text))
 
 
 # ---- beside the one line

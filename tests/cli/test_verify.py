@@ -72,9 +72,9 @@ def test_what_is_planted_is_found(tmp_path, dim, capsys):
     raised = moved(dim, 0.3, body=0, axis=1) - 0.45 * np.eye(dim)[1]
     states = [x, low, moved(dim, -0.3), moved(dim, -0.25), inverted, raised]
     path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, -0.21, 0.5, 0.5)])
-    told = verify.verify_run(path)
-    assert all(line.startswith("level 0 step ") for line in told)
-    of = [" | ".join(line for line in told if line.startswith(f"level 0 step {step}:")) for step in range(6)]
+    printed = verify.verify_run(path)
+    assert all(line.startswith("level 0 step ") for line in printed)
+    of = [" | ".join(line for line in printed if line.startswith(f"level 0 step {step}:")) for step in range(6)]
     assert of[0] == ""
     assert "1 vertices not above plane 'floor', the worst 0" in of[1] and "intersections" not in of[1]
     assert "intersections: vertex" in of[2] and "inverted" not in of[2]
@@ -93,10 +93,10 @@ def test_obstacles(tmp_path, dim):
     moving["positions"] = np.stack([moving["vertices"], moving["vertices"] - 0.2 * np.eye(dim)[1]])
     moving["name"] = "hammer"
     states = [x, x, x - 0.02 * np.eye(dim)[1]]
-    told = verify.verify_run(store(tmp_path / "run", dim, states, [still, moving]))
-    assert not any("step 0" in line for line in told)
-    assert any("step 1" in line and "obstacle 1" in line and "obstacle 0" not in line for line in told)
-    assert any("step 2" in line and "obstacle 0" in line for line in told)
+    printed = verify.verify_run(store(tmp_path / "run", dim, states, [still, moving]))
+    assert not any("step 0" in line for line in printed)
+    assert any("step 1" in line and "obstacle 1" in line and "obstacle 0" not in line for line in printed)
+    assert any("step 2" in line and "obstacle 0" in line for line in printed)
     sinking = floor(dim)
     sinking["point"] = np.stack([sinking["point"], sinking["point"] + 0.6 * np.eye(dim)[1]])
     sinking["normal"] = np.stack([sinking["normal"]] * 2)

@@ -45,7 +45,7 @@ def slab():
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_a_slide_in_the_wind_has_the_order_of_the_integrator(name):
     """A block with material damping slides in a flow, with friction in its smoothed range, whose normal forces are
-    lagged until they are right. Errors are told from twice as many steps.
+    lagged until they are right. Errors are differences from twice as many steps.
     """
     mesh = slab()
     lies = settled(slab, 2e4, 0.02, 0.015, 120)
