@@ -55,7 +55,7 @@ class IncrementalPotential:
         part_of = lambda term: "contact" if id(term) in in_contact else "assembly"
         self._terms = terms
         # neighbours that are timed as one part
-        self._parts = tuple((part, tuple(same)) for part, same in groupby(terms, part_of))
+        self._parts = tuple((self.watch.part(part), tuple(same)) for part, same in groupby(terms, part_of))
 
     def begin_step(
         self, x_t: Positions, x_hat: np.ndarray, weight: float, t0: float, t1: float, rates: Rates | None = None
@@ -66,7 +66,7 @@ class IncrementalPotential:
         self.x_hat, self.weight = x_hat, weight
         expected = Positions(self.space, x_hat)
         for part, terms in self._parts:
-            with self.watch.part(part):
+            with part:
                 for term in terms:
                     term.begin_step(x_t, t0, t1, expected)
                     if rates is not None:
@@ -93,7 +93,7 @@ class IncrementalPotential:
         """The potential at x; inf where x is not admissible or a term is not a number there."""
         total = self.inertia(x)
         for part, terms in self._parts:
-            with self.watch.part(part):
+            with part:
                 for term in terms:
                     total += self.weight * term.value(x)
         return np.inf if isnan(total) else total
@@ -110,7 +110,7 @@ class IncrementalPotential:
         """Gradient rows (n_owned, d). Raises SimulationError, naming the term, where one is not finite."""
         found = [self.mass * (x.owned - self.x_hat)]
         for part, terms in self._parts:
-            with self.watch.part(part):
+            with part:
                 found += [self.weight * term.gradient(x) for term in terms]
         self._gradients, total = found, found[0]
         for rows in found[1:]:
@@ -155,7 +155,7 @@ class IncrementalPotential:
         """
         into.add_masses(weight * self.mass)
         for part, terms in self._parts:
-            with self.watch.part(part):
+            with part:
                 for term in terms:
                     if term not in self.frictions:
                         term.add_hessian(x, weight * self.weight, into)
@@ -333,7 +333,7 @@ class IncrementalPotential:
         energy = dict.fromkeys(("inertia", "elastic", "load", "barrier", "friction", "consistency"), 0.0)
         energy["inertia"] = self.inertia(x) / self.weight
         for part, terms in self._parts:
-            with self.watch.part(part):
+            with part:
                 for term in terms:
                     energy[term.name] = energy.get(term.name, 0.0) + term.value(x)
         return energy
@@ -344,7 +344,7 @@ class IncrementalPotential:
         """
         force = {"inertia": -self.mass * (x.owned - self.x_hat) / self.weight}
         for part, terms in self._parts:
-            with self.watch.part(part):
+            with part:
                 for term in terms:
                     force[term.name] = force.get(term.name, 0.0) - term.gradient(x)
         return {name: self.space.to_input(rows) for name, rows in force.items()}

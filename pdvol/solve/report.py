@@ -18,7 +18,6 @@ its way.
 
 import resource
 import time
-from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,49 +32,48 @@ class Stopwatch:
     """Seconds by part; what is measured inside another part counts for the inner one only."""
 
     def __init__(self) -> None:
-        self.seconds: defaultdict[str, float] = defaultdict(float)
-        self.open: list[list[float]] = []  # start, and time spent in parts inside, of each open part, outermost first
-        self.cpu = self.cpu_start = 0.0
+        self.cpu = self.cpu_start = self.mark = 0.0
+        self.open: list[_Part] = []  # outermost first; time since `mark` is of the last one
         self._parts: dict[str, _Part] = {}
 
     def part(self, name: str) -> "_Part":
         """Adds the time spent inside to `name`."""
-        if name not in self._parts:
-            self._parts[name] = _Part(self, name)
-        return self._parts[name]
+        return self._parts.setdefault(name, _Part(self))
 
     def report(self) -> dict[str, float]:
         """Seconds: total, each part, the rest as `other`, and `cpu`, the process's CPU time in all. Starts over."""
         cpu, self.cpu = self.cpu, 0.0
-        total = self.seconds.pop("total", 0.0)
-        parts = {name: self.seconds.get(name, 0.0) for name in PARTS}
-        other = total + sum(self.seconds.get(name, 0.0) for name in self.seconds if name not in PARTS)
-        self.seconds.clear()
+        spent = {name: part.seconds for name, part in self._parts.items()}
+        for part in self._parts.values():
+            part.seconds = 0.0
+        parts = {name: spent.pop(name, 0.0) for name in PARTS}
+        other = sum(spent.values())
         return {"total": other + sum(parts.values()), **parts, "other": other, "cpu": cpu}
 
 
 class _Part:
     """A context that a stopwatch measures, without the cost of a generator: an iteration enters 17."""
 
-    __slots__ = ("_name", "_watch")
+    __slots__ = ("_watch", "seconds")
 
-    def __init__(self, watch: Stopwatch, name: str):
-        self._watch, self._name = watch, name
+    def __init__(self, watch: Stopwatch):
+        self._watch, self.seconds = watch, 0.0
 
     def __enter__(self) -> None:
-        watch = self._watch
-        if not watch.open:
+        watch, now = self._watch, time.perf_counter()
+        if watch.open:
+            watch.open[-1].seconds += now - watch.mark
+        else:
             watch.cpu_start = time.process_time()
-        watch.open.append([time.perf_counter(), 0.0])
+        watch.open.append(self)
+        watch.mark = now
 
     def __exit__(self, *raised: object) -> None:
-        watch = self._watch
-        start, inside = watch.open.pop()
-        spent = time.perf_counter() - start
-        watch.seconds[self._name] += spent - inside
-        if watch.open:
-            watch.open[-1][1] += spent
-        else:
+        watch, now = self._watch, time.perf_counter()
+        self.seconds += now - watch.mark
+        watch.open.pop()
+        watch.mark = now
+        if not watch.open:
             watch.cpu += time.process_time() - watch.cpu_start
 
 

@@ -88,11 +88,11 @@ def check_complete(candidates, vertices):
     points = boxes_meet(vertices, np.arange(len(vertices))[:, None], primitives.facets, points)
     edges = boxes_meet(vertices, primitives.edges, primitives.edges, edges)
     far, apart = distances(candidates, vertices, points, edges)
-    listed = codes(np.concatenate([pairs.points for pairs in candidates.lists]))
-    crossing = codes(np.sort(np.concatenate([pairs.edges for pairs in candidates.lists]), axis=1))
+    listed = codes(np.concatenate([pairs.pairs.listed[0] for pairs in candidates.lists]))
+    crossing = codes(np.sort(np.concatenate([pairs.pairs.listed[1] for pairs in candidates.lists]), axis=1))
     assert np.isin(codes(points[far < DHAT]), listed).all() and are_in(listed, point_codes)
     assert np.isin(codes(edges[apart < DHAT]), crossing).all() and are_in(crossing, edge_codes)
-    first = np.concatenate([pairs.points for pairs in candidates.lists[:1]])[:, 0]
+    first = np.concatenate([pairs.pairs.listed[0] for pairs in candidates.lists[:1]])[:, 0]
     assert np.count_nonzero(np.diff(first)) + 1 == len(set(first)) or not len(first), "a vertex's pairs stand together"
     return int((far < DHAT).sum() + (apart < DHAT).sum())
 
@@ -263,7 +263,7 @@ def bounds_of(pairs, vertices):
     """What the list's pairs of points and of edges are apart at least (k,) at positions (n, d): their bounds, less the
     share of the way times their rates, and twice the largest distance from the way.
     """
-    counts, (begin, end) = (len(pairs.points), len(pairs.edges)), pairs.pairs.way
+    counts, (begin, end) = tuple(map(len, pairs.pairs.listed)), pairs.pairs.way
     size = np.vdot(end - begin, end - begin)
     share = np.clip(np.vdot(vertices - begin, end - begin) / size, 0.0, 1.0) if size else 0.0
     off = np.linalg.norm(vertices - begin - share * (end - begin), axis=1).max()
@@ -292,9 +292,10 @@ def test_bounds_are_no_larger_than_distances(d, obstacle):
         places = [start + share * (end - start) + off for share in (0.0, 0.4, step) for off in (0.0, beside)]
         for place in [*places, start + 3.0 * rng.uniform(-1, 1, start.shape)]:
             for pairs in candidates.lists:
-                corners = candidates.primitives.facets[pairs.points[:, 1]]
-                ends = candidates.primitives.edges[pairs.edges]
-                found = [to_facets(place[pairs.points[:, 0]], place[corners])]
+                points, edges = pairs.pairs.listed
+                corners = candidates.primitives.facets[points[:, 1]]
+                ends = candidates.primitives.edges[edges]
+                found = [to_facets(place[points[:, 0]], place[corners])]
                 found += [between_edges(*(place[ends[:, i, j]] for i in (0, 1) for j in (0, 1)))] if d == 3 else []
                 for bounds, apart in zip(bounds_of(pairs, place), found, strict=False):
                     assert np.all(bounds <= apart + 1e-12)

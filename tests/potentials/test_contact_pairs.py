@@ -143,9 +143,9 @@ def test_a_flat_surface_does_not_touch_itself(d, jitter):
     inner = (points > 1e-9) & (points < points.max() - 1e-9)
     space, candidates = surface_of(level(points + np.where(inner, noise, 0.0), cube.cells))
     x, barrier = at_rest(space), ContactBarrier(candidates, KAPPA)
-    assert len(candidates.lists[0].points) == 0
+    assert len(candidates.lists[0].pairs.listed[0]) == 0
     found = barrier.contacts(x)
-    assert len(candidates.lists[0].points) > 100 and (d == 2 or len(found) > 10)
+    assert len(candidates.lists[0].pairs.listed[0]) > 100 and (d == 2 or len(found) > 10)
     flat = ((x.owned > 1.01 * DHAT) & (x.owned < points.max() - 1.01 * DHAT)).sum(axis=1) == d - 1
     assert flat.sum() > 2
     force = barrier_law.pressure(np.array(1.0 / 16.0), DHAT, KAPPA) * (DHAT / 4.0) ** (d - 1)

@@ -12,6 +12,7 @@ least cos(a / 2) times that of the way without the turn, less sin(a / 2) / 2 of 
 """
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,8 @@ class Objects:
         self._c_firsts = pointer(self._firsts, "int64_t")
         self.boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
+        self.start: np.ndarray
+        self._counted: tuple[Any, ...] = ()
 
     def moved_back(self, start: np.ndarray, end: np.ndarray, turned: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """The end (n, d) of a move without what each object moves by as a whole, and, where `turned`, without its turn;
@@ -51,13 +54,19 @@ class Objects:
         self._primitives.loops.move_back(len(self._sizes), self._c_firsts, turned, *places)
         return back, turns
 
-    def spare(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray, room: np.ndarray) -> float:
-        """The least that is left [m] of `room` (objects, objects) [m], by which two objects, or parts of one, may come
-        nearer to each other, at `vertices` (n, d), since a place on a move from start.
+    def count_from(self, start: np.ndarray, move: np.ndarray | None, room: np.ndarray) -> None:
+        """Sets where `spare` counts from: a place (n, d), or all places on a move from there; and of how much `room`
+        (objects, objects) [m].
         """
-        way = ffi.NULL if move is None else pointer(move)
-        places = pointer(start), way, pointer(vertices)
-        return self._primitives.loops.spare_room(len(self._sizes), self._c_firsts, *places, pointer(room))
+        self.start, way = start, ffi.NULL if move is None else pointer(move)
+        self._counted = pointer(start), way, pointer(room)  # these keep their arrays alive
+
+    def spare(self, vertices: np.ndarray) -> float:
+        """The least that is left [m] of the room by which two objects, or parts of one, may come nearer to each other,
+        at `vertices` (n, d), since a place on the move.
+        """
+        start, way, room = self._counted
+        return self._primitives.loops.spare_room(len(self._sizes), self._c_firsts, start, way, pointer(vertices), room)
 
     def fit(self, start: np.ndarray, end: np.ndarray) -> None:
         """Fits the boxes of what is not where it was when they were fitted last."""
@@ -101,6 +110,11 @@ class Pairs:
         self.c.point_bounds, self.c.edge_bounds = map(pointer, self._bounds)
         self.c.point_rates, self.c.edge_rates = map(pointer, self._rates)
 
+    @property
+    def listed(self) -> tuple[np.ndarray, np.ndarray]:
+        """(k, 2) int32: vertex and facet of each pair, those of a vertex together; and both edges of each pair."""
+        return self.room[0][: self.c.n_points], self.room[1][: self.c.n_edges]
+
     def go_on(self, start: np.ndarray, end: np.ndarray) -> None:
         """Bounds are from now on those of the way from start to end."""
         self.way = start, end
@@ -116,16 +130,13 @@ class Visit:
     turned : with their turns left out, too; and these, (objects, 3, 3)
     """
 
-    def __init__(
-        self, objects: Objects, reference: tuple[np.ndarray, np.ndarray | None], room: np.ndarray, place: np.ndarray
-    ):
-        self.place, self._objects, self._reference, self._room = place, objects, reference, room
-        self.spare = objects.spare(*reference, place, room)
+    def __init__(self, objects: Objects, place: np.ndarray):
+        self.place, self._objects, self.spare = place, objects, objects.spare(place)
 
     @cached_property
     def turned(self) -> tuple[float, np.ndarray]:
-        back, turns = self._objects.moved_back(self._reference[0], self.place)
-        return self._objects.spare(*self._reference, back, self._room), turns
+        back, turns = self._objects.moved_back(self._objects.start, self.place)
+        return self._objects.spare(back), turns
 
 
 def largest_change(start: np.ndarray, end: np.ndarray) -> float:
@@ -158,21 +169,9 @@ class PairList:
         self.empty = not self._allowed.any()
         self._objects = Objects(primitives, self._allowed.any(axis=0))
         self._slack = LIST_SLACK * primitives.edge_length
-        self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
         self._visits: list[Visit] = []  # the last ones
         self._swept = 0.0  # [m] by how much the vectors of pairs within an object change on the reference
-        self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))  # how far two objects may approach each other
         self.pairs = Pairs()
-
-    @property
-    def points(self) -> np.ndarray:
-        """(k, 2) int32: vertex and facet of each pair; the pairs of a vertex stand together."""
-        return self.pairs.room[0][: self.pairs.c.n_points]
-
-    @property
-    def edges(self) -> np.ndarray:
-        """(k, 2) int32: both edges of each pair."""
-        return self.pairs.room[1][: self.pairs.c.n_edges]
 
     def at(self, vertices: np.ndarray) -> None:
         """Makes the list complete at `vertices` (n, d)."""
@@ -197,21 +196,22 @@ class PairList:
 
     def _covers(self, *places: np.ndarray) -> bool:
         """Whether the list is complete at a place (n, d), or everywhere on the straight way between two."""
-        if self._reference is None:
+        if not self.searches:
             return False
-        known = self._visits
-        self._visits = [
-            next((visit for visit in known if same(visit.place, place)), None)
-            or Visit(self._objects, self._reference, self._room, place)
-            for place in places
-        ]
-        if all(visit.spare >= 0.0 for visit in self._visits):
+        self._visits = [self._visit(place) for place in places]
+        if min(visit.spare for visit in self._visits) >= 0.0:
             return True
         if not self.within:
             return False
         spares, turns = zip(*(visit.turned for visit in self._visits), strict=True)
         lost = self._lost(turns[0], turns[-1], self._swept)
         return all(spare >= lost for spare in spares)
+
+    def _visit(self, place: np.ndarray) -> Visit:
+        for visit in self._visits:
+            if same(visit.place, place):
+                return visit
+        return Visit(self._objects, place)
 
     def _lost(self, one: np.ndarray, other: np.ndarray, change: float) -> float:
         """How much nearer [m] the pairs of an object may be on a straight way between two places than at both, where it
@@ -224,17 +224,18 @@ class PairList:
         """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
         each other besides.
         """
-        self._reference, self._visits = (start, None if end is start else end - start), []
+        self._visits = []
         self._swept = 0.0 if end is start else largest_change(start, end)
         self._objects.fit(start, end)
         apart, distance = self._objects.apart(), self.reach + 2.0 * self._slack
         near = apart <= distance
-        self._room = np.where(self._allowed, np.where(near, 2.0 * self._slack, apart - self.reach), np.inf)
+        room = np.where(self._allowed, np.where(near, 2.0 * self._slack, apart - self.reach), np.inf)
+        self._objects.count_from(start, None if end is start else end - start, room)
         meets, pairs = self._allowed & near, self.pairs
         self.searches += 1
         while True:
-            room = tuple(map(len, pairs.room))
-            pairs.c.n_points, pairs.c.n_edges = room
+            most = tuple(map(len, pairs.room))
+            pairs.c.n_points, pairs.c.n_edges = most
             if self.primitives.loops.search_pairs(
                 self.primitives.c,
                 pointer(self._objects.boxes),
@@ -247,7 +248,7 @@ class PairList:
             ):
                 raise MemoryError("no memory left for the search of contacts")
             counts = pairs.c.n_points, pairs.c.n_edges
-            if counts[0] <= room[0] and counts[1] <= room[1]:
+            if counts[0] <= most[0] and counts[1] <= most[1]:
                 break
             pairs.make_room(*(2 * max(count, 512) for count in counts))
         pairs.go_on(start, start)

@@ -126,7 +126,8 @@ class ContactSurface:
 
     def add_blocks(self, into: HessianBlocks, loop: str, count: int, *arguments: object) -> None:
         """Adds the blocks that a compiled loop finds for so many contacts, ten for each at most."""
-        into.add_compiled(getattr(library[self.space.dim], loop), 10 * count, self.rows, *arguments)
+        if count:
+            into.add_compiled(getattr(library[self.space.dim], loop), 10 * count, self.rows, *arguments)
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
         """(n_owned, d) rows of the level from values (n, d) of the surface; zero away from it."""
