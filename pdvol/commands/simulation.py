@@ -28,7 +28,7 @@ def this_rank() -> int:
 
 class Outputs:
     """The files that a command makes of a run: level_N.xdmf, and `picture.png` before it, as soon as the last level is
-    done. Of 3D scenes a process draws it that loads VTK meanwhile, where there is a core for it.
+    done. A process draws it that loads its libraries meanwhile, where there is a core for it.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ class Outputs:
     def __init__(self, options: Namespace, out: Path, scene: "Scene | None" = None):
         self.options, self.out, self._begun, self._before = options, out, options.no_picture, 0.0
         self._refused: LevelError | None = None
-        beside = not self._begun and scene is not None and this_rank() == 0 and cores() > 1 and not _flat(scene)
-        self._worker = _painter() if beside else None
+        beside = not self._begun and this_rank() == 0 and cores() > 1
+        self._worker = _painter(_flat(scene)) if scene is not None and beside else None
 
     def simulate(self, run: Callable, *arguments: Any, replace: bool = False) -> None:
         """Calls `run_scene` or `refine_run` with the command's options. Where a finer level has no mesh, `report`
@@ -121,10 +121,10 @@ class Outputs:
 
 
 @cache
-def _painter() -> "Worker":
+def _painter(flat: bool) -> "Worker":
     from pdvol.studio.workers import Worker
 
-    return Worker("pdvol.studio.draw.renderer")
+    return Worker("pdvol.studio.draw.flat" if flat else "pdvol.studio.draw.renderer")
 
 
 def _flat(scene: "Scene") -> bool:

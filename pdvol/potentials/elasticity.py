@@ -241,7 +241,8 @@ class CauchyStress:
 
     def __init__(self, term: CellEnergy):
         self._mesh, self._term, d = term.space.mesh, term, term.space.dim
-        self._mine = np.isin(np.arange(len(self._mesh.cells)), term.domains.cells)
+        self._cells = np.flatnonzero(np.isin(np.arange(len(self._mesh.cells)), term.domains.cells))
+        self._gradients = self._mesh.gradients_in(self._cells)
         self._F = ufl.Coefficient(tensors((d, d)))
         self._parameters = {ufl.Coefficient(tensors()): name for name in term.parameters}
         F = ufl.variable(
@@ -255,8 +256,8 @@ class CauchyStress:
         """Writes the stresses (m, 3, 3) of the term's cells at positions (n, d), both in the input's order; with the
         term's parameters as they are.
         """
-        cells = np.flatnonzero(self._mine)
-        F = np.einsum("kia,kij->kaj", positions[self._mesh.cells[cells]], self._mesh.gradients_in(cells))
+        cells = self._cells
+        F = np.einsum("kia,kij->kaj", positions[self._mesh.cells[cells]], self._gradients)
         values = {
             coefficient: self._term.parameters[name][cells, None] for coefficient, name in self._parameters.items()
         } | {self._F: F.reshape(len(cells), -1)}

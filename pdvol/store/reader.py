@@ -142,8 +142,12 @@ class RunLevel:
     def velocities(self, step: int) -> np.ndarray:
         """(n, d) float64 [m/s]: mean velocity over `step`, the scene's initial velocity for step 0."""
         if step == 0:
-            return read_array(self.folder / "velocity.npy", self.rest.shape)
+            return self._start_velocity.copy()
         return (self.positions(step) - self.positions(step - 1)) / self._run.dt
+
+    @cached_property
+    def _start_velocity(self) -> np.ndarray:
+        return read_array(self.folder / "velocity.npy", self.rest.shape)
 
     def space(self, comm: "MPI.Comm | None" = None) -> "LevelSpace":
         """The level at rest in dolfinx: `space.domain` is its mesh, `space.V` vector P1 on it, and `space.function` and

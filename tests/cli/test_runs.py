@@ -53,17 +53,18 @@ def test_what_a_run_leaves(whole):
     assert min(r["min_gap"] for r in records if r["min_gap"] is not None) > 0
 
 
-def test_a_process_draws_3d_pictures(final_pictures, tmp_path, monkeypatch):
+@pytest.mark.parametrize("flat", [True, False], ids=["2d", "3d"])
+def test_a_process_draws_pictures(final_pictures, tmp_path, monkeypatch, scene, flat):
     monkeypatch.setattr(simulation, "cores", lambda: 2)
-    write(tmp_path / "drop.py", DROP)
+    file = scene if flat else write(tmp_path / "drop.py", DROP)
     out, pictures = tmp_path / "run", []
     for _ in range(2):
         with final_pictures():
-            assert pdvol("preview", tmp_path / "drop.py", "--steps", 1, "--no-xdmf", "--out", out) == 0
+            assert pdvol("preview", file, "--steps", 1, "--no-xdmf", "--out", out) == 0
         pictures.append((out / "picture.png").read_bytes())
         (out / "picture.png").unlink()
-        assert simulation._painter().alive == (len(pictures) == 1)
-        simulation._painter().stop()
+        assert simulation._painter(flat).alive == (len(pictures) == 1)
+        simulation._painter(flat).stop()
     assert pictures[0] == pictures[1]
 
 
