@@ -148,12 +148,9 @@ class LevelSpace:
     def reduce(self, value: Value, op: MPI.Op = MPI.SUM) -> Value:
         """The sum of all ranks' numbers, or what else `op` makes of them: a number of the same type, or an array.
         Collective.
-
-        An iteration calls it many times. mpi4py takes 12 us on one rank (measured on a loaded machine), and longer for
-        objects than for arrays.
         """
         if self.comm.size == 1:
-            return value
+            return value  # an iteration asks many times, and mpi4py takes 12 us on one rank
         numbers = np.array(value, ndmin=1, dtype=np.int32 if op in (MPI.LAND, MPI.LOR) else np.float64)
         self.comm.Allreduce(MPI.IN_PLACE, numbers, op=op)
         return numbers if isinstance(value, np.ndarray) else type(value)(numbers[0])  # type: ignore[return-value, call-arg]

@@ -122,12 +122,8 @@ class Pairs:
 
 
 class Visit:
-    """A place (n, d) beside a list's reference, with what is left there [m] of the room of `Objects.spare`.
-
-    Attributes
-    ----------
-    spare : with the shifts of objects left out
-    turned : with their turns left out, too; and these, (objects, 3, 3)
+    """A place (n, d) beside a list's reference: the room of `Objects.spare` that is left there [m] with the shifts of
+    objects left out (`spare`), and with their turns left out, too, which come with it (`turned`).
     """
 
     def __init__(self, objects: Objects, place: np.ndarray):
