@@ -15,7 +15,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, CellMuscle, level_materials, level_muscles
 from pdvol.levels.obstacles import ground_of
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
-from pdvol.levels.script import HeldPoints, Obstacle
+from pdvol.levels.script import ON_TIME, HeldPoints, Obstacle
 from pdvol.levels.start import start_positions
 from pdvol.scene import Barrier, Friction, Gravity, Impulse, Load, Penalty, Scene, Solver, metres
 
@@ -98,7 +98,7 @@ class LevelModel:
         impulse acts in that step or the next one. The same on every level.
         """
         start, end, after = ((step + k) * self.dt for k in (-1, 0, 1))
-        impulses = (placed.load.time for placed in self.loads if isinstance(placed.load, Impulse))
+        impulses = (placed.load.time * (1.0 + ON_TIME) for placed in self.loads if isinstance(placed.load, Impulse))
         released = (support.holds(start, self.dt) and not support.holds(end, self.dt) for support in self.supports)
         jumps = any(released) or any(start <= time < after for time in impulses)
         return jumps or any(pulls.change(step) for pulls in self.pulls)
@@ -128,10 +128,7 @@ def level_model(
     start = start_positions(scene, mesh, level)
     supports = tuple(supported_points(scene, support, mesh, level, start) for support in scene.supports)
     everywhere = np.ones(len(mesh.points), dtype=bool)
-    loads = (
-        PlacedLoad(load, everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh))
-        for load in scene.loads
-    )
+    mask = lambda load: everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh)
     return LevelModel(
         level=level,
         mesh=mesh,
@@ -139,7 +136,7 @@ def level_model(
         bodies=tuple(body.name for body in scene.bodies),
         materials=materials,
         velocity=initial_velocity(scene, mesh, start),
-        loads=tuple(loads),
+        loads=tuple(PlacedLoad(load, mask(load)) for load in scene.loads),
         supports=supports,
         obstacles=tuple(obstacles),
         ground=ground_of((*supports, *obstacles), scene.dt * scene.steps),

@@ -98,10 +98,12 @@ def ground_of(movers: Sequence[Mover], duration: float) -> tuple[Obstacle, ...]:
 
 
 def _goes_along(mover: Mover, motion: Motion, duration: float) -> bool:
-    """Whether a motion takes all points of a mover from where they are at t = 0 to where they are later; those of a
+    """Whether a motion takes all points of a mover from where its own motion begins to where they are later; those of a
     support while it holds.
     """
-    begun, until = mover.at(0.0), min(duration, mover.release) if isinstance(mover, HeldPoints) else duration
+    begun, until = mover.at(0.0), duration
+    if isinstance(mover, HeldPoints):
+        begun, until = np.asarray(mover.motion(mover.points, 0.0)), min(duration, mover.release)
     for time in (fraction * until for fraction in COMPARED):
         there = motion(begun, time)
         if np.abs(mover.at(time) - there).max() > ON_TIME * max(1.0, float(np.abs(there).max())):

@@ -125,8 +125,8 @@ class HeldPoints:
         return time < self.release - 1e-6 * dt
 
     def at(self, time: float) -> np.ndarray:
-        """(k, d) [m]: where they should be at `time` [s]. Raises InputError where a motion of the user's own fails."""
-        return moved(self.motion, self.points, time, "a support") if self.moves else self.points
+        """(k, d) [m]: where they are at t = 0, and should be later. Raises InputError where an own motion fails."""
+        return moved(self.motion, self.points, time, "a support") if self.moves and time > 0.0 else self.points
 
 
 Mover = Obstacle | HeldPoints

@@ -9,6 +9,7 @@ from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets, volu
 from pdvol.geometry.level_mesh import LevelMesh, boundary_areas
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
 from pdvol.levels.model import PlacedLoad
+from pdvol.levels.script import ON_TIME
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Rates, Term
@@ -200,8 +201,8 @@ def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, mass: np.ndarr
         return DeadLoad(space, shares, lambda t0, t1: at_time("Force.force", load.force, t1, d))
     if not isinstance(load, Impulse):
         assert_never(load)
-    push = np.asarray(load.velocity, dtype=float)
-    return DeadLoad(space, held, lambda t0, t1: push / (t1 - t0) if t0 <= load.time < t1 else 0.0 * push)
+    push, time = np.asarray(load.velocity, dtype=float), load.time * (1.0 + ON_TIME)
+    return DeadLoad(space, held, lambda t0, t1: push / (t1 - t0) if t0 <= time < t1 else 0.0 * push)
 
 
 def point_shares(mesh: LevelMesh, chosen: np.ndarray, at: np.ndarray) -> np.ndarray:

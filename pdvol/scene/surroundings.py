@@ -119,7 +119,7 @@ Obstructing = Plane | Rigid | Deforming
 
 @dataclass(frozen=True, repr=False)
 class Support(Element):
-    """Vertices whose positions are prescribed.
+    """Vertices whose positions are prescribed; of several supports of a vertex the last one decides.
 
     Attributes
     ----------

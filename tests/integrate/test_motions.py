@@ -55,6 +55,15 @@ def test_sequential_turns_first_and_carries_what_has_turned():
     np.testing.assert_allclose(off(X, 1.0), [[1.0, 0.0, 3.0], [0.0, -1.0, 6.0]], atol=1e-14)
 
 
+def test_a_support_that_rests_elsewhere_gets_there_in_the_first_step():
+    """And stays there when another one sets out, in the third step."""
+    shift, late = np.array([-0.05, 0.02]), Path((0.2, 0.4), ((0.0, 0.0), (0.01, 0.0)))
+    supports = Support(left, motion=lambda X, t: X + shift), Support(lambda X: X[:, 0] > 0.4 - 1e-9, motion=late)
+    mesh = block((0.0, 0.0), (0.4, 0.1), (4, 1))
+    for report in march(make_stepper(make_scene(dt=0.1, supports=supports), mesh), 4):
+        np.testing.assert_allclose((report.positions - mesh.points)[left(mesh.points)], [shift] * 2, atol=1e-12)
+
+
 # ---- release
 
 
@@ -66,11 +75,8 @@ def test_released_supports_fly_on(d):
     From then on it is free fall with the velocity of the motion: x = X + v t - g dt^2 k (k + 1) / 2 after k free steps.
     """
     v = 2.0 * np.eye(d)[0]
-    scene = make_scene(
-        dt=0.02,
-        loads=(weight(d),),
-        supports=(Support(lambda X: X[:, 0] > -1.0, motion=Translation(tuple(v)), release=0.03),),
-    )
+    held = Support(lambda X: X[:, 0] > -1.0, motion=Translation(tuple(v)), release=0.03)
+    scene = make_scene(dt=0.02, loads=(weight(d),), supports=(held,))
     mesh = block((0.0,) * d, (0.2,) * d, 1)
     for report in march(make_stepper(scene, mesh), 6):
         free = max(0, report.step - 2)

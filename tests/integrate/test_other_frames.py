@@ -81,6 +81,7 @@ LIFTED_WALK = pdvol.Sequential((pdvol.Translation((1.0, 0.0)), UP))
         ([LIFTED_WALK, UP], [UP], 1),  # a wall that moves in the lift, and a support that does not
         ([LIFTED_WALK, UP], [lambda X, t: X + t * np.array([0.0, 0.5])], 1),  # likewise by a function
         ([UP], [LIFTED_WALK, lambda X, t: X], None),  # something stands still by a function
+        ([UP], [LIFTED_WALK, lambda X, t: X + 0.1], None),  # likewise, but elsewhere than at t = 0
         ([UP], [LIFTED_WALK, STILL], None),  # something stands still
         ([UP, pdvol.Translation((0.0, -0.5))], [], None),  # two plates that close
         ([STILL], [UP], None),
