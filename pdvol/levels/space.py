@@ -146,9 +146,7 @@ class LevelSpace:
         return np.asarray(self.domain.topology.original_cell_index)
 
     def reduce(self, value: Value, op: MPI.Op = MPI.SUM) -> Value:
-        """The sum of all ranks' numbers, or what else `op` makes of them: a number of the same type, or an array.
-        Collective.
-        """
+        """The sum of all ranks' numbers, or what else `op` makes of them, of the same type. Collective."""
         if self.comm.size == 1:
             return value  # an iteration asks many times, and mpi4py takes 12 us on one rank
         numbers = np.array(value, ndmin=1, dtype=np.int32 if op in (MPI.LAND, MPI.LOR) else np.float64)

@@ -78,11 +78,11 @@ def _start(model: LevelModel, lead: Lead, integrator: Integrator, writer: Shared
 
 
 def _coarse(model: LevelModel, integrator: Integrator, writer: SharedWriter) -> Coarse:
-    """The pasts of the stored level below; the last three are kept, which a step asks for."""
-    level, kept = model.level - 1, lru_cache(maxsize=8)  # one past looks at the states of six steps
+    """The pasts of the stored level below; the last six are kept, which a step asks for."""
+    level, kept = model.level - 1, lru_cache(maxsize=12)  # six pasts look at the states of nine steps
     positions, record = kept(partial(writer.read, level, "positions")), kept(partial(writer.record, level))
 
-    @lru_cache(maxsize=3)
+    @lru_cache(maxsize=6)
     def past(step: int) -> Past:
         velocity = writer.read(level, "velocities", 0)
         return past_of(integrator, positions, velocity, step, model.dt, record, model.begins_anew)

@@ -55,9 +55,7 @@ class Objects:
         return back, turns
 
     def count_from(self, start: np.ndarray, move: np.ndarray | None, room: np.ndarray) -> None:
-        """Sets where `spare` counts from: a place (n, d), or all places on a move from there; and of how much `room`
-        (objects, objects) [m].
-        """
+        """Sets where `spare` counts from, a place (n, d) or a move from there, and a `room` (objects, objects) [m]."""
         self.start, way = start, ffi.NULL if move is None else pointer(move)
         self._counted = pointer(start), way, pointer(room)  # these keep their arrays alive
 
