@@ -39,7 +39,7 @@ def test_each_verb_loads_what_it_needs(whole, tmp_path):
         "magic": (2, set(), alone),
         "info fall.py": (0, {"ufl"}, PLOTTING | SOLVING | READING | {"igl", "skimage"}),
         f"export {whole} --format obj -o obj": (0, set(), PLOTTING | SOLVING | READING | {"h5py"}),
-        "preview fall.py --steps 1 -o preview": (0, {"dolfinx", "PIL"}, PLOTTING | READING | MESHING),
+        "preview fall.py --steps 1 -o preview": (0, {"dolfinx"}, PLOTTING | READING | MESHING),
         f"metrics {whole}": (0, {"matplotlib"}, {"pyvista", "vtkmodules", "trimesh"}),
         "info cube.py --set vertices=(8,)": (0, set(), {"pyvista", "vtkmodules"}),
     }
