@@ -213,7 +213,7 @@ INLINE double force_of(const meeting_t *at, double gap, double dhat, double kapp
 /* Updates the expected gaps of meetings at the end of the direction, y being the end by the last expectations. A meeting is linearised at its
  * expected gap. The first one is `kept` times its present gap, or times dhat where that is less. The next one is the gap at which the law has the
  * force of the last tangent at y, but at least `kept` times the last one. It is not updated while it is right to within that factor. A pair whose
- * tangent pulls does not meet. Returns the number of changes. */
+ * tangent pulls does not meet; out of reach, with its end within, it is expected half way there instead. Returns the number of changes. */
 int64_t expect_gaps(int64_t count, meeting_t *meetings, const double *y, double dhat, double kappa, double kept)
 {
     int64_t changed = 0;
@@ -233,7 +233,7 @@ int64_t expect_gaps(int64_t count, meeting_t *meetings, const double *y, double 
             const double middle = 0.5 * (low + high);
             *(force_of(at, exp(middle), dhat, kappa, &stiffness) > force ? &low : &high) = middle;
         }
-        at->expected = force > 0.0 ? exp(0.5 * (low + high)) : 0.0, ++changed;
+        at->expected = force > 0.0 ? exp(0.5 * (low + high)) : at->distance > dhat && gap < dhat ? sqrt(at->expected * gap) : 0.0, ++changed;
     }
     return changed;
 }

@@ -5,19 +5,19 @@ import pytest
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Path, Placement, Plane, Rigid, Scene
-from pdvol.meshes import ball, box, cylinder
+from pdvol.meshes import ball, bar, box, cylinder
 
 UP = (0.0, 1.0, 0.0)
 
 
-def shot(shape, young, at, mu, steps, *movers):
-    body = Body(shape, NeoHookean(young, 0.45), (150,), name="body", placement=Placement((0.0, at, 0.0)))
+def shot(shape, young, at, mu, steps, *movers, vertices=150, dt=0.01):
+    body = Body(shape, NeoHookean(young, 0.45), (vertices,), name="body", placement=Placement((0.0, at, 0.0)))
     return Scene(
         (body,),
         obstacles=(Plane((0.0, 0.0, 0.0), UP, name="floor"), *movers),
         loads=(Gravity((0.0, -9.81, 0.0)),),
         contact=(Barrier(), Friction(mu)),
-        dt=0.01,
+        dt=dt,
         steps=steps,
     )
 
@@ -53,3 +53,10 @@ def test_no_step_is_long_and_nothing_waits(squeeze):
     assert max(step.report.behind for step in steps) == 0.0
     heights = steps[-1].positions[:, 1]
     assert heights.min() > (0.3 if squeeze is pinch else 0.0)
+
+
+@pytest.mark.parametrize("gap", [2e-3, 3e-3])
+def test_a_bar_that_lands_flat_takes_few_iterations(gap):
+    scene = shot(bar(0.8, 0.1, 0.1, 0.05), 1e5, 0.05 + gap, 0.0, 3, vertices=400, dt=0.02)
+    reports = [step.report for step in pdvol.march(scene)]
+    assert reports[0].contacts > 50 and max(report.newton_iterations for report in reports) <= 12
