@@ -44,8 +44,8 @@ class Translation(Element):
 
 @dataclass(frozen=True, repr=False)
 class Rotation(Element):
-    """Constant angular speed [rad/s] about an axis through a centre, until `stop` [s]. In 2D the axis is the plane's
-    normal.
+    """Constant angular speed [rad/s] about an axis through a centre, until `stop` [s]. In 2D it is clockwise where the
+    axis has a negative last component.
 
     Attributes
     ----------
@@ -189,9 +189,10 @@ def moved(motion: Motion, X: np.ndarray, t: float, whose: str) -> np.ndarray:
 
 
 def rotation_matrix(angle: float, axis: Vector, dim: int) -> np.ndarray:
-    """Rotation by `angle` [rad], shape (dim, dim); Rodrigues' formula in 3D."""
+    """Rotation by `angle` [rad], shape (dim, dim); in 3D Rodrigues' formula, in 2D clockwise for axes (0, 0, -1)."""
     c, s = np.cos(angle), np.sin(angle)
     if dim == 2:
+        s = -s if any(part < 0.0 for part in axis[2:]) else s
         return np.array([[c, -s], [s, c]])
     n = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     K = np.array([[0, -n[2], n[1]], [n[2], 0, -n[0]], [-n[1], n[0], 0]])

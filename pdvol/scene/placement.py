@@ -18,7 +18,7 @@ class Placement(Element):
     ----------
     translate : (d,) [m]; nowhere when empty
     angle : [rad]
-    axis : (3,) direction, of any length but zero; in 2D the plane's normal
+    axis : (3,) direction, of any length but zero; in 2D (0, 0, -1) turns clockwise
     scale : a factor, positive
     """
 
@@ -32,9 +32,8 @@ class Placement(Element):
     def __call__(self, points: np.ndarray) -> np.ndarray:
         dim = points.shape[1]
         moved = self.scale * points @ rotation_matrix(self.angle, self.axis, dim).T
-        if len(self.translate) == 0:
+        size = len(self.translate)
+        if size == 0:
             return moved
-        require(
-            len(self.translate) == dim, f"Placement.translate has {len(self.translate)} components in a {dim}D scene"
-        )
+        require(size == dim, f"Placement.translate has {size} components in a {dim}D scene")
         return moved + np.asarray(self.translate, dtype=float)

@@ -51,6 +51,8 @@ def test_a_smooth_path_is_the_natural_spline():
 def test_sequential_turns_first_and_carries_what_has_turned():
     turn, walk = Rotation(np.pi / 2, (0.0, 0.0, 0.0)), Translation((0.0, 0.0, 5.0))
     np.testing.assert_allclose(Sequential((turn, walk))(X, 1.0), [[0.0, 1.0, 7.0], [-1.0, 0.0, 4.0]], atol=1e-14)
+    clockwise = Rotation(np.pi / 2, (0.0, 0.0), axis=(0.0, 0.0, -1.0))
+    np.testing.assert_allclose(clockwise(np.eye(2), 1.0), [[0.0, -1.0], [1.0, 0.0]], atol=1e-14)
     off = Sequential((walk, Rotation(np.pi, (0.0, 0.0, 5.0), (1.0, 0.0, 0.0))))
     np.testing.assert_allclose(off(X, 1.0), [[1.0, 0.0, 3.0], [0.0, -1.0, 6.0]], atol=1e-14)
 
@@ -160,9 +162,7 @@ def test_a_body_pressed_to_a_wall_turns_with_it():
 
 @pytest.mark.parametrize(("d", "speed"), [(2, 5.0), (3, 50.0)])
 def test_a_plane_carries_a_free_block_along(d, speed):
-    """At 0.1 m and 1 m a step, up to three times the block's length and 200 dhat: nothing holds the block, so all of
-    the motion is carried out.
-    """
+    """At 0.1 m and 1 m a step, up to three times the block's length and 200 dhat: all of it is carried out."""
     dhat, e = 5e-3, np.eye(d)[0]
     plane = Plane(tuple(-0.05 * e), tuple(e), Translation(tuple(speed * e)))
     scene = make_scene(dt=0.02, obstacles=(plane,), contact=(Barrier(dhat=dhat),), solver=SOLVER)
