@@ -159,9 +159,9 @@ def chosen_shot(options: Namespace, file: Path | None = None) -> "Shot":
     file = options.scene if file is None else file
     steps, hand, branch = (getattr(options, name, None) for name in ("steps", "hand", "branch"))
     with stage(f"loading {file}"):
+        from pdvol.runs.fingerprint import not_compared
         from pdvol.runs.scene_file import load_shot, parse_settings, with_hand
         from pdvol.scene import Hand
-        from pdvol.scene.fingerprint import not_compared
 
         settings, usual = parse_settings(options.set), None
         if "dt" in settings and "steps" not in settings and steps is None and branch is None:

@@ -18,10 +18,10 @@ from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import start_positions, support_label, supported_points
 from pdvol.levels.script import Obstacle, Script
+from pdvol.runs.fingerprint import differences
 from pdvol.runs.scene_file import Shot, both_described, with_hand
 from pdvol.runs.separation import build_apart
 from pdvol.scene import Hand
-from pdvol.scene.fingerprint import differences
 from pdvol.scene.hand import same_up_to
 from pdvol.store.copying import copy_run, require_new
 from pdvol.store.files import write_json

@@ -9,8 +9,8 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.registry import INTERPOLANTS
+from pdvol.runs.fingerprint import differences
 from pdvol.runs.stage_lines import real_time
-from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run
 

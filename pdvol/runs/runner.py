@@ -22,6 +22,7 @@ from pdvol.meshing.cache import installed
 from pdvol.native import library
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
+from pdvol.runs.fingerprint import describe, differences_by_level
 from pdvol.runs.known_scenes import is_own_run, note_run
 from pdvol.runs.launcher import chosen_ranks, require_ranks, side_by_side
 from pdvol.runs.level_processes import NoRanks, march_levels
@@ -32,7 +33,6 @@ from pdvol.runs.scene_file import Shot, both_described, stored_file, stored_shot
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stored_fields import exported
 from pdvol.scene import Hand, Scene
-from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.scene.hand import same_up_to
 from pdvol.solve.linear.petsc_methods import check_options
 from pdvol.stages import stage

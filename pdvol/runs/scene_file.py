@@ -11,11 +11,11 @@ from typing import Any
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.registry import STUDIO
+from pdvol.runs.fingerprint import describe
 from pdvol.runs.known_scenes import allow
 from pdvol.runs.scene_modules import error_text, load_module
 from pdvol.scene import Hand, Pascal, Relative, Scene
 from pdvol.scene.element import files_beside
-from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
 
 IN_MEMORY = "the run was made from a scene in memory; pass the scene again: pdvol.run(scene, out, resume=True)"

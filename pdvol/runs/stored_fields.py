@@ -18,9 +18,9 @@ from pdvol.levels.script import Obstacle
 from pdvol.parallel import on_root
 from pdvol.potentials.elasticity import CauchyStress, Elastic, von_mises
 from pdvol.registry import FORMATS
+from pdvol.runs.fingerprint import differences
 from pdvol.runs.scene_file import both_described, stored_shot
 from pdvol.scene import Scene
-from pdvol.scene.fingerprint import differences
 from pdvol.stages import stage
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run, RunLevel, open_run

@@ -8,8 +8,8 @@ import pytest
 import pdvol
 from pdvol import Body, Gravity, NeoHookean, Posed, Scene, Solid, Support
 from pdvol.levels.start import posed_positions
+from pdvol.runs.fingerprint import describe
 from pdvol.runs.scene_summary import modelled_terms
-from pdvol.scene.fingerprint import describe
 from shapes import box, solid, together
 
 SOFT = NeoHookean(2e4, 0.3, 1000.0)

@@ -10,8 +10,8 @@ from hostile_files import obj
 from pdvol.errors import InputError
 from pdvol.meshes import Surface
 from pdvol.meshing.point_caches import cached_surface, read_frames
+from pdvol.runs.fingerprint import describe, differences
 from pdvol.scene import Placement, PointCache
-from pdvol.scene.fingerprint import describe, differences
 
 FRAMES = np.random.default_rng(0).normal(size=(4, 5, 3))
 QUADS = [[0, 1, 2, 3], [0, 4, 1]]

@@ -12,7 +12,7 @@ from pdvol.errors import InputError
 from pdvol.levels.materials import cell_materials
 from pdvol.meshing.point_caches import read_frames
 from pdvol.meshing.readers import read_shape
-from pdvol.scene.fingerprint import describe, differences
+from pdvol.runs.fingerprint import describe, differences
 
 BOX = meshes.box((1.0, 2.0, 3.0))
 TOP = BOX.vertices[:, 2] > 1.49

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import pdvol
+from pdvol.runs.fingerprint import describe, differences, not_compared
 from pdvol.runs.scene_file import load_shot
-from pdvol.scene.fingerprint import describe, differences, not_compared
 
 HELPERS = """
 import settings

@@ -42,7 +42,7 @@ from pdvol import (
     Support,
     Translation,
 )
-from pdvol.scene.fingerprint import describe, differences
+from pdvol.runs.fingerprint import describe, differences
 
 SQUARE = Solid(np.array([(0.0, 0), (1, 0), (1, 1), (0, 1)]), np.array([(0, 1, 2), (0, 2, 3)]), np.zeros(2, np.int32))
 SOFT = NeoHookean(1e5)

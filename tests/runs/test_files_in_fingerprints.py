@@ -3,8 +3,8 @@
 import pytest
 
 from pdvol.errors import InputError
+from pdvol.runs.fingerprint import describe, differences
 from pdvol.runs.scene_file import Shot, kept_value, load_shot, stored_shot
-from pdvol.scene.fingerprint import describe, differences
 from pdvol.store.files import jsonable
 
 MESH = """#usda 1.0
