@@ -15,12 +15,13 @@ def panels(size: tuple[float, float], rows: int = 1, columns: int = 1, **more) -
     return figure, figure.subplots(rows, columns, squeeze=False, **more)
 
 
-def over_time(axes: Axes, title: str = "", x: str = "time [s]", y: str = "") -> None:
-    """Axes for curves, with labels and a title on the left; call it when they are drawn."""
+def over_time(axes: Axes, title: str = "", x: str = "time [s]", y: str = "", legend: bool = True) -> None:
+    """Axes for curves, with labels, a title on the left and a legend; call it when they are drawn."""
     axes.set_facecolor(BACKGROUND)
     axes.set_title(title, fontsize=9, loc="left")
     axes.set_xlabel(x, fontsize=8)
     axes.set_ylabel(y, fontsize=8)
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=8, frameon=False)
+    if legend:
+        axes.legend(fontsize=8, frameon=False)

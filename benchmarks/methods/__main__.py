@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.common.process import REPOSITORY
+from benchmarks.common.process import REPOSITORY, Mistake
 from benchmarks.common.study import command, each
 from benchmarks.common.tables import number, table
 from benchmarks.methods.figures import METRICS, draw
@@ -52,6 +52,8 @@ def study(name: str, options) -> None:
     """One study: its runs, its table, its figure."""
     chosen, out = STUDIES[name], options.out
     cases = {case.name: case for case in chosen.cases if options.only in case.name}
+    if not cases:
+        raise Mistake(f"no case of {name} has {options.only!r} in its name: {', '.join(x.name for x in chosen.cases)}")
     paths = {case: out / name / case.replace(" ", "_") for case in cases}
     records = []
 
@@ -101,17 +103,15 @@ def judge(path: Path, case: Case, count: int) -> dict:
 
 def volume_change(level) -> float:
     """The largest change of a body's volume in any state, as a share of it."""
-    found = []
-    for x in (level.rest, *(level.positions(step) for step in range(level.steps))):
-        found.append(np.bincount(level.bodies, verify.signed_volumes(x, level.cells)))
+    states = (level.rest, *(level.positions(step) for step in range(level.steps)))
+    found = [np.bincount(level.bodies, verify.signed_volumes(x, level.cells)) for x in states]
     return float(np.abs(np.array(found) / found[0] - 1).max())
 
 
 def cells(name: str, record: dict) -> list[list[str]]:
     """The row of a case: its finest level; intersections of all levels above the coarsest."""
     finest, above = record["levels"][-1], record["levels"][1:]
-    s = finest["summary"]
-    n = s.get("continuity") or {}
+    s, n = finest["summary"], finest["summary"].get("continuity") or {}
     counted = [sum(x[key] for x in above) for key in ("crossing_states", "states", "crossings")]
     measures = ("continuity_error", "consistency", "distance", "roughness")
     row = [

@@ -104,12 +104,12 @@ def crossings(path: Path, study: Study, records: Sequence[dict], runs: Sequence[
 def sweep(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
     """All levels of the paper's cases at the study's moments, a row each, with their distance from level 0."""
     weights = [record["settings"]["consistency"] for record in records]
-    stored = {weight: open_run(run) for weight, run in zip(weights, runs, strict=True) if weight != LITERAL}
+    left_out = LITERAL if len(runs) > 1 else None
+    stored = {weight: open_run(run) for weight, run in zip(weights, runs, strict=True) if weight != left_out}
     apart, shown = {weight: distances(run) for weight, run in stored.items()}, []
     for step in moments(study, list(stored.values())):
         for weight, run in stored.items():
-            far = [f"frame {step}"]
-            far += [length(float(apart[weight][level.index, 0][step])) for level in run.levels[1:]]
+            far = [f"frame {step}", *(length(float(apart[weight][fine.index, 0][step])) for fine in run.levels[1:])]
             words = [f"w = {weight:g}", *(f"level {level.index}" for level in run.levels[1:])]
             shown += [(pane(run, level, words[k], far[k]), step) for k, level in enumerate(run.levels)]
     pictures(path, shown, len(run.levels))
@@ -128,17 +128,17 @@ def metrics(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Pa
 
 
 def curves(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
-    """Draws consistency over time: of the finest level for every weight, of each level for the second smallest one."""
+    """Draws consistency over time: of the finest level for every weight, of each level for the weight nearest 0.025."""
     figure, ((left, right),) = panels((11.0, 3.6), 1, 2)
     for k, record in enumerate(records):
         finest, name = record["levels"][-1], f"w = {record['settings']['consistency']:g}"
         _curve(left, finest["consistency"], record["dt"], PALETTE[k % len(PALETTE)], name)
-    held = next(r for r in records if r["settings"]["consistency"] == 0.025)
+    held = min(records, key=lambda r: abs(r["settings"]["consistency"] - 0.025))
     for level in held["levels"][1:]:
         colour = PALETTE[level["level"] % len(PALETTE)]
         _curve(right, level["consistency"], held["dt"], colour, f"level {level['level']}")
-    for one, title in ((left, f"finest level ({len(records[0]['levels']) - 1})"), (right, "each level, w = 0.025")):
-        _logarithmic(one, METRICS["consistency"], title)
+    _logarithmic(left, METRICS["consistency"], f"finest level ({len(held['levels']) - 1})")
+    _logarithmic(right, METRICS["consistency"], f"each level, w = {held['settings']['consistency']:g}")
     figure.savefig(path, dpi=80)
 
 

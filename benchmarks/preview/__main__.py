@@ -163,18 +163,18 @@ def pane(kind: str, run: Run, level: RunLevel, true: bool) -> Pane:
 
 
 def curves(name: str, runs: Mapping[str, Run], true: Run) -> None:
-    """A panel a kind: a line a level, and the truth."""
+    """A panel a kind: a line a level, and the truth; one legend below them."""
     figure, (axes,) = panels((12.0, 3.3), 1, len(runs), sharey=True)
     right = heights(name, true, true.levels[-1])
     times, out = DT * np.arange(len(right)), PICTURES / f"how_right_{name}.png"
     for one, (kind, run) in zip(axes, runs.items(), strict=True):
         for level in run.levels:
-            values, line = heights(name, run, level), f"level {level.index}"
-            one.plot(times, values, color=PALETTE[level.index], label=line, linewidth=1.5)
-        one.plot(times, right, color=TRUTH_INK, linestyle="--", label="truth", linewidth=1.5)
-        over_time(one, kind, y=LABELS[name] if one is axes[0] else "")
+            one.plot(times, heights(name, run, level), color=PALETTE[level.index], label=f"level {level.index}")
+        one.plot(times, right, color=TRUTH_INK, linestyle="--", label="truth")
+        over_time(one, kind, y=LABELS[name] if one is axes[0] else "", legend=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=9, fontsize=8, frameon=False)
     figure.savefig(out, dpi=110)
-    fit_picture(out)
+    fit_picture(out, colours=256)  # of fewer, levels are grey
 
 
 if __name__ == "__main__":

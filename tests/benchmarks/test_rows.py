@@ -18,6 +18,7 @@ from benchmarks.extremes import __main__ as extremes
 from benchmarks.fronts import __main__ as fronts
 from benchmarks.hertz import __main__ as hertz
 from benchmarks.live import __main__ as live
+from benchmarks.methods import __main__ as methods
 from benchmarks.ranks import __main__ as ranks
 from benchmarks.stark import __main__ as stark
 from benchmarks.stress import __main__ as stress
@@ -117,6 +118,7 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
         (fronts, ("spike,nothing",), "nothing"),
         (hertz, ("--cells", "two"), "two"),
         (live, ("nothing",), "there is no 'nothing'"),
+        (methods, ("slit_array", "--only", "nothing"), "no case of slit_array has 'nothing' in its name"),
         (stress, ("--scenes", "nothing"), "nothing"),
         (time_order, ("--parts", "order,speed"), "there is no 'speed'; choose from order, levels"),
     ],
@@ -124,7 +126,6 @@ def test_stark_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path):
 def test_a_mistake_is_one_line(study, more, said, tiny, words, tmp_path, capsys):
     name = study.__name__.split(".")[1]
     own = {"stark": words, "dense": ["--out", str(tmp_path)]}.get(name, [])
-    code = study.main([*own, *more])
-    shown = capsys.readouterr()
+    code, shown = study.main([*own, *more]), capsys.readouterr()
     assert code == 2 and shown.err.startswith(f"benchmarks.{name}: ") and shown.err.count("\n") == 1 and not shown.out
     assert said in shown.err

@@ -64,8 +64,7 @@ def test_distances_between_levels_have_a_table_and_a_drawing(tmp_path, capsys):
     words = ["--set", "cuts=((4, 1), (8, 2), (12, 3))", "--steps", "4", "--out", str(tmp_path / "run")]
     assert run(["run", str(REPOSITORY / "demos" / "twist.py"), *words]) == 0
     assert divergence.main([str(tmp_path / "run"), "-o", str(tmp_path / "figure.png")]) == 0
-    assert "| 2 from 0 | 4 |" in capsys.readouterr().out
-    assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+    assert "| 2 from 0 | 4 |" in capsys.readouterr().out and (tmp_path / "figure.png").read_bytes()[1:4] == b"PNG"
 
 
 def test_a_front_has_the_cheapest_settings_for_each_accuracy():
