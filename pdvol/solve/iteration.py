@@ -39,21 +39,18 @@ TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is t
 # model's, that such a secant shows
 SAME_DIRECTION = 0.95
 
-# share of the step's slope: a first trial that falls by less is halved, for it seems to rise by as much. Above 1e-4,
-# which PETSc's line search takes for a decrease; with 0.1 Newton takes as many iterations
+# share of the slope: steps that fall by less are shortened. Above PETSc's 1e-4; with 0.1 there are as many iterations
 LEAST_DECREASE = 0.02
+HALVINGS = 6  # without a unit: a shortened step ends within 1/64 of it of the line's minimum
 
 # fraction of the terms whose difference the energy is: a smaller decrease is round-off
 CANCELLATION = 2e-15
 
-# Where contact cuts step after step to next to nothing, the solve goes nowhere.
 # iterations, without a unit: so many in a row without a step, or of short steps that leave forces as they are, show
 # that the next one will not go on either
 STALL = 10
 
 BALANCED = 1e-2  # of the largest force on a body: what may be left of the gradient; a linear solve leaves about as much
-
-# Near the minimum the last matrix is nearly as good as a new one.
 SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
 CONTRACTING = 0.5  # ratio of consecutive step lengths: up to it they approach the minimum
 
@@ -73,8 +70,9 @@ class Iteration:
     matrix_age : iterations since the matrix was assembled
     at_rounding : whether the decrease cannot be distinguished from round-off
     lengthening : factor of the direction that was tried; 1 but for steps that repeat the last one
-    cap : share of the direction, at most 1, that contact and inversion allowed
+    cap : share of the direction, at most 1, with which the line search begins
     backtracks : by the line search
+    by_model : whether the line search accepts that share unseen, as the decrease over it is round-off
     meets : whether the direction was found with pairs that are predicted to meet
     as_promised : whether the potential fell by about what its model promised, and the step was not lengthened, so that
         its matrix may serve again
@@ -91,6 +89,7 @@ class Iteration:
     lengthening: float
     cap: float
     backtracks: int = 0
+    by_model: bool = False
     meets: bool = False
     as_promised: bool = False
 
@@ -166,18 +165,20 @@ def is_at_rounding(slope: float, scale: float) -> bool:
     return abs(slope) <= CANCELLATION * scale
 
 
-def is_wasted(last: Iteration, trials: int, energy: float) -> bool:
-    """Whether the line search's first trial, with this energy [kg m^2], is to be halved: it falls by next to nothing.
-    Where second derivatives jump, as where the closest point of a contact leaves a triangle, models of both sides lead
-    back and forth between them, and each full step gains a hundredth of what half of it would.
+def falling_share(slope_at: Callable[[float], float]) -> float:
+    """Share of a step up to which the potential falls, by its slopes along it; the least share where it rises. PETSc's
+    cubic model would leave a tenth of a step into a barrier. Where second derivatives jump, as where the closest point
+    of a contact leaves a triangle, models of both sides lead back and forth, and full steps gain next to nothing.
     """
-    return trials == 1 and last.lengthening == 1.0 and energy > last.energy + LEAST_DECREASE * last.cap * last.slope
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if slope_at(middle) < 0.0 else (low, middle)
+    return low or high
 
 
 def gains_nothing(last: Iteration, before: Iteration | None) -> bool:
-    """Whether contact cut the last step to next to nothing, the least decrease squared, and the one before had led no
-    nearer to the minimum.
-    """
+    """Whether the last step was cut to next to nothing, and the one before had led no nearer to the minimum."""
     return last.cap < LEAST_DECREASE**2 and last.speed > CONTRACTING * speed_of(before)
 
 

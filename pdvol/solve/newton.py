@@ -1,9 +1,8 @@
 """Projected Newton on an incremental potential by PETSc's SNES, which no other file uses.
 
 The potential is SNES's objective, the gradient its function, the projected Hessian its Jacobian. The pre-check shortens
-each step such that nothing crosses or inverts. PETSc's default line search backtracks from there by cubic models.
-`iteration.py` has the rules that the callbacks apply: when a solve ends, when a matrix is kept, how the next Hessian is
-projected, how long a step is.
+each step such that nothing crosses or inverts, and the potential falls on all of it; SNES's line search goes on there.
+`iteration.py` has the rules of the callbacks: when a solve ends, when a matrix is kept, which Hessian is next.
 """
 
 from collections.abc import Callable, Iterable
@@ -25,10 +24,10 @@ from pdvol.solve.iteration import (
     TRUSTED,
     Iteration,
     Solve,
+    falling_share,
     fraction_kept,
     gains_nothing,
     is_at_rounding,
-    is_wasted,
     keeps_matrix,
     next_projection,
     speed_of,
@@ -114,19 +113,13 @@ class Newton:
         return x.get("energy of a solve", lambda: self.potential.value(x), self._solve.serial)
 
     def _objective(self, snes: PETSc.SNES, vector: PETSc.Vec) -> float:
-        """The energy that the line search compares; at round-off the model's, which it accepts. A first trial that
-        gains next to nothing counts as an increase, so that half of it is tried (`iteration.is_wasted`).
-        """
+        """The energy that the line search compares; at round-off the model's, which it accepts."""
         solve, x = self._solve, self._positions(vector)
         last = solve.last
         if last is None or x is last.start:
             return self._energy(x)
         solve.trials += 1
-        if last.at_rounding:
-            return last.energy + 0.5 * last.slope
-        energy = self._energy(x)
-        wasted = is_wasted(last, solve.trials, energy)
-        return max(energy, last.energy - LEAST_DECREASE * last.slope) if wasted else energy
+        return last.energy + 0.5 * last.slope if last.by_model else self._energy(x)
 
     def _function(self, snes: PETSc.SNES, vector: PETSc.Vec, residual: PETSc.Vec) -> None:
         gradient = self.potential.gradient(self._positions(vector))
@@ -188,9 +181,10 @@ class Newton:
         if not self.space.reduce(is_finite(direction), MPI.LAND):
             raise SimulationError("the linear solve gave NaN or infinity")
 
-    def _slope(self, direction: np.ndarray) -> float:
-        """Derivative of the potential along a direction (n_owned, d). Collective."""
-        return self.space.reduce(float(np.vdot(self._solve.gradient, direction)))
+    def _slope(self, direction: np.ndarray, at: Positions | None = None) -> float:
+        """Derivative of the potential along a direction (n_owned, d), at the present state or another. Collective."""
+        gradient = self._solve.gradient if at is None else self.potential.gradient(at)
+        return self.space.reduce(float(np.vdot(gradient, direction)))
 
     def _speed(self, path: np.ndarray) -> float:
         """The largest row of a path (n_owned, d) over the step's length in time [m/s]. Collective."""
@@ -207,18 +201,20 @@ class Newton:
             solve.tolerance = max(self.tolerance, relative * self._speed(x.owned - self.potential.x_hat))
         slope, energy = self._slope(direction), self._energy(x)
         at_rounding = is_at_rounding(slope, self.potential.scale)
-        repeats = not (at_rounding or solve.meets)
-        factor = step_factor(x, direction, solve.projection, solve.last, self._sum) if repeats else 1.0
+        plain = at_rounding or solve.meets
+        factor = 1.0 if plain else step_factor(x, direction, solve.projection, solve.last, self._sum)
         if factor != 1.0 or free is None:
             free = self.potential.max_step(x, direction if factor == 1.0 else factor * direction)
         length = factor * free
-        cap = min(1.0, length)
-        solve.report.speed, solve.report.step_cap = speed, min(solve.report.step_cap, cap)
+        solve.report.speed, solve.report.step_cap = speed, min(solve.report.step_cap, length)
+        solve.states = [x.moved(length, direction), x]
+        least = energy + LEAST_DECREASE * length * slope
+        if factor == 1.0 and not at_rounding and least < self._energy(solve.states[0]) < np.inf:
+            length *= falling_share(lambda share: self._slope(direction, x.moved(share * length, direction)))
         solve.before, solve.trials = solve.last, 0
-        age, meets = solve.matrix_age or 0, solve.meets
-        solve.last = Iteration(
-            x, energy, direction, slope, speed, solve.projection, age, at_rounding, factor, cap, meets=meets
-        )
+        found = x, energy, direction, slope, speed, solve.projection, solve.matrix_age or 0
+        solve.last = Iteration(*found, at_rounding, factor, min(1.0, length))
+        solve.last.meets, solve.last.by_model = solve.meets, is_at_rounding(length * slope, self.potential.scale)
         return length
 
     def _end_iteration(self, x: Positions) -> str:
@@ -232,7 +228,7 @@ class Newton:
         if solve.trials > 1:
             last.backtracks = solve.trials - 1
             solve.report.backtracks += last.backtracks
-        if last.at_rounding or last.meets:
+        if last.by_model or last.meets:
             solve.projection = "clamp"
         elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
             kept = fraction_kept(last, x, self._energy(x), self._sum)

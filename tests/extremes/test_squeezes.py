@@ -1,4 +1,4 @@
-"""Bodies between what moves and what stands: fingers that lift a ball, a fist that kneads dough, a hammer."""
+"""Bodies between what moves and what stands: fingers, a fist that kneads dough, a hammer, a ring that closes."""
 
 import numpy as np
 import pytest
@@ -12,20 +12,13 @@ UP = (0.0, 1.0, 0.0)
 
 def shot(shape, young, at, mu, steps, *movers, vertices=150, dt=0.01):
     body = Body(shape, NeoHookean(young, 0.45), (vertices,), name="body", placement=Placement((0.0, at, 0.0)))
-    return Scene(
-        (body,),
-        obstacles=(Plane((0.0, 0.0, 0.0), UP, name="floor"), *movers),
-        loads=(Gravity((0.0, -9.81, 0.0)),),
-        contact=(Barrier(), Friction(mu)),
-        dt=dt,
-        steps=steps,
-    )
+    around, pull = (Plane((0.0, 0.0, 0.0), UP, name="floor"), *movers), Gravity((0.0, -9.81, 0.0))
+    return Scene((body,), obstacles=around, loads=(pull,), contact=(Barrier(), Friction(mu)), dt=dt, steps=steps)
 
 
 def pinch():
     def finger(side):
-        ways = ((0.0, 0.0, 0.0), (-0.075 * side, 0.0, 0.0), (-0.075 * side, 0.4, 0.0))
-        along = Path((0.0, 0.3, 0.8), ways)
+        along = Path((0.0, 0.3, 0.8), [(0.0, 0.0, 0.0), (-0.075 * side, 0.0, 0.0), (-0.075 * side, 0.4, 0.0)])
         return Rigid(box((0.05, 0.12, 0.1)), Placement((0.16 * side, 0.1, 0.0)), along, f"finger {side}")
 
     return shot(ball(0.1), 2e4, 0.101, 0.8, 85, finger(-1), finger(1))
@@ -55,8 +48,8 @@ def test_no_step_is_long_and_nothing_waits(squeeze):
     assert heights.min() > (0.3 if squeeze is pinch else 0.0)
 
 
-@pytest.mark.parametrize("gap", [2e-3, 3e-3])
-def test_a_bar_that_lands_flat_takes_few_iterations(gap):
-    scene = shot(bar(0.8, 0.1, 0.1, 0.05), 1e5, 0.05 + gap, 0.0, 3, vertices=400, dt=0.02)
+@pytest.mark.parametrize(("young", "gap", "most"), [(1e5, 2e-3, 12), (1e5, 3e-3, 12), (5e6, 3e-3, 16)])
+def test_a_bar_that_lands_flat_takes_few_iterations(young, gap, most):
+    scene = shot(bar(0.8, 0.1, 0.1, 0.05), young, 0.05 + gap, 0.0, 3, vertices=400, dt=0.02)
     reports = [step.report for step in pdvol.march(scene)]
-    assert reports[0].contacts > 50 and max(report.newton_iterations for report in reports) <= 12
+    assert reports[0].contacts > 50 and max(report.newton_iterations for report in reports) <= most
