@@ -4,20 +4,17 @@ moving obstacles.
 A step begins with `begin`, each part of it that is solved at once with `begin_span`, and it ends with `end`: each
 motion is then at the step's end or behind it (`levels/script.py`).
 
-Motions under contact are carried out in parts of a span (`MotionParts`).
-
-Supports and obstacles are moved as far as nothing crosses. Each part ends at a time on the clock, with supports and
-obstacles exactly where their motions have them then. Collision detection clears the straight path there from the end of
-the part before. So an obstacle that turns never stays on a chord of its arc.
+Motions under contact are carried out in parts of a span (`MotionParts`), as far as nothing crosses. Each part ends at a
+time on the clock, with supports and obstacles exactly where their motions have them then: an obstacle that turns never
+stays on a chord of its arc. Collision detection clears the straight path there from the end of the part before.
 
 Bodies that are free to go are carried along by the obstacles that they would hinder (`carriers`), and all others stay.
 That takes no solve, and where nothing is pressed it carries out the whole motion.
 
 Where supports move, or bodies are pressed against something, bodies have to give way. A part is then one of Newton's
-directions for the place at the span's end. What touches a moving obstacle goes along with it, as a rigid continuation
-of that obstacle: seen from the obstacle it stays where it is, however far that turns or slides. Bodies stick to each
-other where they touch. Pairs that would meet otherwise are predicted to (`potentials/contact/barrier.py`). The step's
-own solve lets what was carried slide back.
+directions for the place at the span's end. What touches a moving obstacle goes along with it: by its rigid motion and,
+where it deforms, by what its nearest point does besides. Bodies stick to each other where they touch. Pairs that would
+meet otherwise are predicted to (`potentials/contact/barrier.py`). The step's own solve lets what was carried slide.
 
 Where a part gains too little, Newton iterations with all motions at rest let bodies give way, twice as many each time.
 Where they converge, contact holds. Each motion is then tried while all others wait. Those that cannot go on alone wait
@@ -200,8 +197,14 @@ class ScriptedMotion:
             if obstacle.kind == "plane":
                 moved = self._script.pose(obstacle, until) @ self._script.pose(obstacle, self.clock).inverse
             else:
-                moved = Pose.fitted(*(self._script.place(obstacle, time) for time in (self.clock, until)))
+                start, end = (self._script.place(obstacle, time) for time in (self.clock, until))
+                moved = Pose.fitted(start, end)
             path[rows] = moved(x.owned[rows]) - x.owned[rows]
+            if len(rows) and not (obstacle.kind == "plane" or obstacle.rigid):
+                from pdvol.levels.animated import nearest_on  # loads libigl, which few scenes need
+
+                facets = obstacle.faces if obstacle.kind == "mesh" else obstacle.edges
+                path[rows] += nearest_on(start, facets, x.owned[rows]).on(end - moved(start))
         return path
 
 

@@ -87,7 +87,7 @@ def taken_velocity(taken: TakeOver, points: np.ndarray, on_surface: np.ndarray, 
     slope = np.linalg.inv(powers)[1]  # a_1, that at the last frame of the polynomial through them
     velocity = sum((s * place for s, place in zip(slope, places, strict=True)), np.zeros(1))
     if not taken.rigid:
-        return _nearest(places[-1], frames.faces, points).on(velocity)
+        return nearest_on(places[-1], frames.faces, points).on(velocity)
     before, after = (place - place.mean(axis=0) for place in places[-2:])
     (turn,) = best_rotations((after.T @ before)[None])
     duration, relative = frames.times[last] - frames.times[last - 1], points - places[-1].mean(axis=0)
@@ -111,7 +111,7 @@ def _matched(
     if np.array_equal(points, vertices):  # also where parts of the mesh touch each other
         own = np.arange(len(points))[:, None]
         return Matched(own, np.ones(own.shape), np.zeros(points.shape))
-    found = _nearest(points, frames.faces, vertices)
+    found = nearest_on(points, frames.faces, vertices)
     distances = np.linalg.norm(found.offsets, axis=1)
     size = np.linalg.norm(np.ptp(points, axis=0))
     limit = cache.tolerance * size
@@ -129,7 +129,7 @@ def _matched(
     return found
 
 
-def _nearest(points: np.ndarray, faces: np.ndarray, vertices: np.ndarray) -> Matched:
+def nearest_on(points: np.ndarray, faces: np.ndarray, vertices: np.ndarray) -> Matched:
     """The nearest point of a mesh to each vertex."""
     if len(faces) == 0:
         corners = cKDTree(points).query(vertices)[1][:, None]

@@ -5,7 +5,7 @@ import pytest
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Path, Placement, Plane, Rigid, Scene
-from pdvol.meshes import ball, bar, box, cylinder
+from pdvol.meshes import ball, bar, box, cylinder, torus
 
 UP = (0.0, 1.0, 0.0)
 
@@ -37,7 +37,14 @@ def hammer():
     return shot(box((0.4, 0.1, 0.4)), 2e4, 0.051, 0.5, 90, face)
 
 
-@pytest.mark.parametrize("squeeze", [pinch, knead, hammer])
+def clasp():
+    ring = torus(0.22, 0.05, 24, 8)
+    frames = np.array([ring.vertices * (size, 1.0, size) + [0.0, 0.15, 0.0] for size in (1.0, 0.6)])
+    closing = pdvol.PointCache(frames, times=(0.0, 0.5), faces=ring.triangles)
+    return shot(ball(0.15), 2e4, 0.153, 0.5, 50, pdvol.Deforming(closing, name="ring"))
+
+
+@pytest.mark.parametrize("squeeze", [pinch, knead, hammer, clasp])
 def test_no_step_is_long_and_nothing_waits(squeeze):
     scene = squeeze()
     steps = list(pdvol.march(scene))
