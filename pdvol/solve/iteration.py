@@ -41,7 +41,7 @@ SAME_DIRECTION = 0.95
 
 # share of the slope: steps that fall by less are shortened. Above PETSc's 1e-4; with 0.1 there are as many iterations
 LEAST_DECREASE = 0.02
-HALVINGS = 6  # without a unit: a shortened step ends within 1/64 of it of the line's minimum
+HALVINGS = 6  # of a step that is shortened, without a unit: it ends within 1/64 of its length of the minimum on it
 
 # fraction of the terms whose difference the energy is: a smaller decrease is round-off
 CANCELLATION = 2e-15
