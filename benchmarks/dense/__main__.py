@@ -47,8 +47,8 @@ def main(options) -> int:
     """Runs the command; returns its exit code."""
     names = chosen(options.scenes or (",".join(LONG) if options.long else ""), ROWS, EVERYDAY)
     repository = commits.Repository(REPOSITORY)
-    against = repository.full(options.against)
     kept = Kept(options.out / "dense.json", ROWS, HEAD, cells, Page(options.docs, "dense"), around)
+    against = repository.full(options.against)
     with tempfile.TemporaryDirectory(prefix="pdvol-dense-") as folder:
         codes = {"old": code_of(repository, against, Path(folder)), "new": REPOSITORY}
         at = {"commits": [against[:7], repository.head()[:7]]}
