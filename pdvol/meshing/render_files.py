@@ -5,6 +5,7 @@ vertices keep the order of the file.
 """
 
 import re
+from functools import partial
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
@@ -22,16 +23,17 @@ _OPTIONS = re.compile(r"(-(mm +\S+ +\S+|[ost]( +[-+.\d]+){1,3}|[a-z]+ +\S+) +)+"
 """What stands between `map_Kd` and the name of a file."""
 
 
-def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) -> tuple[RenderSurface, str, list[str]]:
-    """A surface with its texture coordinates; the picture that the file's materials name, empty if none; and what of
-    its materials is missing or not read, in lines. `shape` is that of a `RenderMesh`; `name` begins the messages about
+def read_render_surface(
+    shape: str | Path | RenderSurface | Surface, name: str, material: str = ""
+) -> tuple[RenderSurface, list[str], list[str]]:
+    """A surface with its texture coordinates; the pictures that the file's materials name; and what of its materials is
+    missing or not read, in lines. `shape` and `material` are those of a `RenderMesh`; `name` begins the messages about
     arrays.
 
-    It raises InputError where the file is missing, of an unknown kind, or holds no surface, or its materials name
-    several pictures; MeshError where it cannot be read, or its faces use vertices or texture coordinates that there are
-    not.
+    It raises InputError where the file is missing, of an unknown kind, or holds no surface; MeshError where it cannot
+    be read, or its faces use vertices or texture coordinates that there are not.
     """
-    picture, lost = "", list[str]()
+    pictures, lost, path = list[str](), list[str](), Path()
     if isinstance(shape, RenderSurface):
         surface = shape
     elif isinstance(shape, Surface):
@@ -40,7 +42,8 @@ def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) 
         path = Path(shape).expanduser()
         name = str(path)
         if path.suffix.lower() == ".obj" and path.is_file() and path.stat().st_size:
-            surface, picture, lost = _obj(path)
+            parsed = partial(_parsed, material=material)
+            surface, pictures, lost = read_in_child_process(path, first_that_reads, parsed)
         elif path.suffix.lower() not in SURFACES:
             raise InputError(f"{path}: a render mesh is a surface; give one of {', '.join(SURFACES)}")
         else:
@@ -48,8 +51,10 @@ def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) 
             if isinstance(read, Solid) or not isinstance(read, Surface):
                 raise InputError(f"{path}: a render mesh is a surface, not a {type(read).__name__.lower()}")
             surface = RenderSurface.of(read.vertices, read.triangles)
+    if material and path.suffix.lower() != ".obj":
+        raise InputError(f"{name}: material={material!r} chooses faces of an OBJ file; leave it out")
     _check(surface, name)
-    return surface, picture, lost
+    return surface, pictures, lost
 
 
 def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
@@ -69,17 +74,6 @@ def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
     return data, ending
 
 
-def _obj(path: Path) -> tuple[RenderSurface, str, list[str]]:
-    surface, pictures, lost = read_in_child_process(path, first_that_reads, _parsed)
-    if len(pictures) > 1:
-        names = ", ".join(Path(picture).name for picture in pictures)
-        raise InputError(
-            f"{path}: its materials name {len(pictures)} textures ({names}); give one RenderMesh for each, or"
-            " RenderMesh(texture=...)"
-        )
-    return surface, pictures[0] if pictures else "", lost
-
-
 def _lost_of_ply(path: Path) -> list[str]:
     """What a PLY file's header promises, and render meshes take from OBJ files alone."""
     head = path.read_bytes()[:START].partition(b"end_header")[0].decode("latin1")
@@ -89,9 +83,11 @@ def _lost_of_ply(path: Path) -> list[str]:
     return counted(f"{path}: of a PLY file not read, export OBJ", names)
 
 
-def _parsed(path: Path) -> tuple[RenderSurface, list[str], list[str]]:
-    """The surface of an OBJ file, its pictures and what is lost."""
+def _parsed(path: Path, material: str) -> tuple[RenderSurface, list[str], list[str]]:
+    """The surface of an OBJ file, or of one of its materials; its pictures and what is lost."""
     found = parse_obj(path)
+    if material:
+        _keep(path, found, material)
     textured = any(any(words) for words, _ in found.textures)
     uvs = [(float(words[0]), float(words[1])) for words in found.uvs] if textured else []
     bare = len(uvs)  # corners without a place in the texture get its corner, (0, 0)
@@ -112,6 +108,20 @@ def _parsed(path: Path) -> tuple[RenderSurface, list[str], list[str]]:
     return surface, *_pictures(path, found)
 
 
+def _keep(path: Path, found: ObjText, material: str) -> None:
+    """Leaves the faces of a material, and their vertices."""
+    chosen = [k for k, one in enumerate(found.materials) if one == material]
+    if not chosen:
+        there = ", ".join(dict.fromkeys(filter(None, found.materials))) or "none"
+        raise MeshError(f"{path}: no face has the material {material!r}; its materials are {there}")
+    faces = [found.faces[k] for k in chosen]
+    used = {i: number for number, i in enumerate(sorted({i for face in faces for i in face}))}
+    if min(used) < 0:
+        raise IndexError("a face counts back beyond the first vertex")
+    found.points, found.faces = [found.points[i] for i in used], [[used[i] for i in face] for face in faces]
+    found.textures, found.materials = [found.textures[k] for k in chosen], [material]
+
+
 def _place(number: int, before: int, count: int) -> int:
     """A place in the texture, numbered from 0, of its number in a file, which may count backwards."""
     place = number - 1 if number > 0 else before + number
@@ -123,6 +133,7 @@ def _place(number: int, before: int, count: int) -> int:
 def _pictures(path: Path, found: ObjText) -> tuple[list[str], list[str]]:
     """The pictures of colour (`map_Kd`) of the materials that a file uses, and a line on what is lost."""
     pictures, missing, others, defined = list[str](), list[str](), list[str](), set[str]()
+    used = dict.fromkeys(filter(None, found.materials))
     files = {library: _beside(path.parent, library) for library in found.libraries}
     for file in filter(None, files.values()):
         material = ""
@@ -130,18 +141,18 @@ def _pictures(path: Path, found: ObjText) -> tuple[list[str], list[str]]:
             word, _, rest = line.strip().partition(" ")
             rest = rest.strip()
             if word == "newmtl":
-                material = rest
+                material = " ".join(rest.split())
                 defined.add(material)
-            elif material in found.materials and word.lower() == "map_kd":
+            elif material in used and word.lower() == "map_kd":
                 names = rest, _OPTIONS.sub("", rest, count=1)  # the name may have blanks itself
                 picture = next(filter(None, (_beside(path.parent, name) for name in names)), None)
                 (pictures if picture else missing).append(
                     str(picture or PureWindowsPath(names[1]).name or "map_Kd without a name")
                 )
-            elif material in found.materials and word.lower().startswith(("map_", "bump", "norm", "disp", "refl")):
+            elif material in used and word.lower().startswith(("map_", "bump", "norm", "disp", "refl")):
                 others.append(line.strip())
     absent = counted("files of materials that are missing", [name for name, file in files.items() if file is None])
-    absent = absent or counted("materials that no file has", [n for n in found.materials if n not in defined])
+    absent = absent or counted("materials that no file has", [name for name in used if name not in defined])
     absent += counted("textures that are missing", list(dict.fromkeys(missing)))
     absent += ["put what is missing beside the file, or give RenderMesh(texture=...)"] if absent else []
     lost = [*counted("textures of other kinds left out", others), *absent]

@@ -76,7 +76,7 @@ def indices(path: Path, cells: np.ndarray) -> np.ndarray:
 class ObjText:
     """The lines of an OBJ file that describe a surface: its `points` (n, 3), and the corners of each face, numbered
     from 0. As the file has them: the number of each corner's `vt` line, with how many of these came before the face;
-    the words of each `vt` line (`uvs`); files of materials; and the names that `usemtl` lines give.
+    the words of each `vt` line (`uvs`); files of materials; and the material of each face, "" where it has none.
     """
 
     points: list[tuple[float, float, float]] = field(default_factory=list)
@@ -89,7 +89,7 @@ class ObjText:
 
 def parse_obj(path: Path) -> ObjText:
     """The lines of an OBJ file; ValueError or IndexError where points or faces are none."""
-    found = ObjText()
+    found, material = ObjText(), ""
     points, faces = found.points, found.faces
     for line in path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ").splitlines():
         word, *rest = line.split() or [""]
@@ -104,13 +104,14 @@ def parse_obj(path: Path) -> ObjText:
             if len(corners) < 3 or 0 in corners:
                 raise ValueError(f"face {line.strip()!r} has no three corners")
             faces.append([c - 1 if c > 0 else len(points) + c for c in corners])
+            found.materials.append(material)
             found.textures.append(([part[1] if len(part) > 1 else "" for part in parts], len(found.uvs)))
         elif word == "vt":
             found.uvs.append(rest)
         elif word == "mtllib":
             found.libraries.append(line.split(None, 1)[1].strip() if rest else "")
-        elif word == "usemtl" and rest and rest[0] not in found.materials:
-            found.materials.append(rest[0])
+        elif word == "usemtl":
+            material = " ".join(rest)
     return found
 
 

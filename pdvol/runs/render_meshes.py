@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -78,19 +79,27 @@ def render_defects(scene: Scene, meshes: Sequence[LevelMesh]) -> tuple[list[str]
 
 def _read(mesh: RenderMesh, body: Body, name: str) -> tuple[dict[str, np.ndarray], tuple[bytes, str] | None, list[str]]:
     """The arrays of a render mesh, placed as its body, its texture, and what of the file's textures is lost."""
-    surface, picture, lost = read_render_surface(mesh.shape, name)
+    surface, pictures, lost = read_render_surface(mesh.shape, name, mesh.material)
+    drawn = mesh.texture if isinstance(mesh.texture, np.ndarray) else None
+    own = str(mesh.texture) if drawn is None else "pixels"
+    if len(pictures) > 1 and not own:
+        names = ", ".join(Path(picture).name for picture in pictures)
+        raise InputError(
+            f"{name}: its materials name {len(pictures)} textures ({names}); give RenderMesh(texture=...), or one"
+            " RenderMesh(FILE, material=NAME) for each material"
+        )
     points = body.placement(surface.vertices)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     first = coincident(points, COINCIDENT * size) if size else np.zeros(len(points), dtype=np.int64)
     texture = None
-    if isinstance(mesh.texture, np.ndarray):
+    if drawn is not None:
         from PIL import Image
 
         buffer = io.BytesIO()
-        Image.fromarray(mesh.texture).save(buffer, "PNG")
+        Image.fromarray(drawn).save(buffer, "PNG")
         texture, lost = (buffer.getvalue(), ".png"), []
-    elif str(mesh.texture) or picture:
-        texture, lost = read_texture(str(mesh.texture) or picture, name), [] if str(mesh.texture) else lost
+    elif own or pictures:
+        texture, lost = read_texture(own or pictures[0], name), [] if own else lost
     if texture is not None and not len(surface.uvs):
         raise InputError(f"{name}: a texture needs texture coordinates; give uvs, or an OBJ file with vt lines")
     arrays = {key: getattr(surface, key) for key in ("counts", "corners", "uvs", "uv_corners", "fans")}

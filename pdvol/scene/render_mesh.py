@@ -7,7 +7,7 @@ import numpy as np
 
 from pdvol.meshes import RenderSurface, Surface
 from pdvol.registry import INTERPOLANTS
-from pdvol.scene.checks import require
+from pdvol.scene.checks import require, text
 from pdvol.scene.element import Element
 
 
@@ -24,14 +24,16 @@ class RenderMesh(Element):
     texture : path of a picture, or its pixels (h, w, 3) uint8, the top row first; of an OBJ file the picture that its
         materials name where this is empty
     interpolant : a name in `pdvol.registry.INTERPOLANTS`, which carries it along
+    material : name of a material; of an OBJ file the faces of this one alone are taken, all where it is empty
     """
 
     shape: str | Path | RenderSurface | Surface
     texture: str | Path | np.ndarray = ""
     interpolant: str = "phong"
+    material: str = ""
 
     files = ("shape", "texture")
-    checks = {"interpolant": lambda _, value: INTERPOLANTS.check(value)}
+    checks = {"interpolant": lambda _, value: INTERPOLANTS.check(value), "material": text}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from pdvol import meshes
-from pdvol.errors import InputError
+from pdvol.errors import InputError, MeshError
 from pdvol.meshing.render_files import read_render_surface, read_texture
 
 # A house front: a square of two seams' worth of places, a gable, and a corner without a place.
@@ -30,7 +30,7 @@ f -2/-2 -3/3 -1/-1
 def test_polygons_seams_and_relative_numbers(tmp_path):
     (tmp_path / "house.obj").write_text(HOUSE)
     surface, picture, _ = read_render_surface(tmp_path / "house.obj", "x")
-    assert picture == "" and surface.counts.tolist() == [4, 3]
+    assert picture == [] and surface.counts.tolist() == [4, 3]
     assert surface.corners.tolist() == [0, 1, 2, 3, 3, 2, 4]
     assert surface.uv_corners.tolist() == [0, 1, 2, 3, 3, 2, 4]
     np.testing.assert_array_equal(surface.uvs[-1], [0.25, 0.75])
@@ -45,11 +45,21 @@ def test_the_texture_that_materials_name(tmp_path):
     (tmp_path / "my wall.png").write_bytes(b"\x89PNG")
     material = "newmtl wall\nmap_Kd my wall.png\nnewmtl unused\nmap_Kd b.png\n"
     (tmp_path / "house.mtl").write_text(material)
-    assert read_render_surface(tmp_path / "house.obj", "x")[1] == str(tmp_path / "my wall.png")
+    assert read_render_surface(tmp_path / "house.obj", "x")[1] == [str(tmp_path / "my wall.png")]
     (tmp_path / "b.png").write_bytes(b"\x89PNG")
     (tmp_path / "house.mtl").write_text(material + "newmtl roof\nmap_Kd -s 2 2 1 b.png\n")
-    with pytest.raises(InputError, match=r"name 2 textures \(my wall.png, b.png\); give one RenderMesh for each"):
-        read_render_surface(tmp_path / "house.obj", "x")
+    assert read_render_surface(tmp_path / "house.obj", "x")[1] == [
+        str(tmp_path / "my wall.png"),
+        str(tmp_path / "b.png"),
+    ]
+    surface, pictures, _ = read_render_surface(tmp_path / "house.obj", "x", "roof")
+    assert pictures == [str(tmp_path / "b.png")] and surface.counts.tolist() == [3]
+    assert surface.vertices.tolist() == [[1, 1, 0], [0, 1, 0], [0.5, 1.5, 0]] and surface.corners.tolist() == [1, 0, 2]
+    assert surface.uvs[surface.uv_corners].tolist() == [[0, 1], [1, 1], [0.25, 0.75]]
+    with pytest.raises(MeshError, match="no face has the material 'door'; its materials are wall, roof"):
+        read_render_surface(tmp_path / "house.obj", "x", "door")
+    with pytest.raises(InputError, match="x: material='roof' chooses faces of an OBJ file"):
+        read_render_surface(surface, "x", "roof")
 
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
@@ -86,7 +96,7 @@ def test_textures_are_found_beside_the_file_and_named_where_they_are_lost(tmp_pa
     if material is not None:
         (tmp_path / "a.mtl").write_text(material)
     _, found, lines = read_render_surface(tmp_path / "s.obj", "x")
-    assert found == (str(tmp_path / picture) if picture else "")
+    assert found == ([str(tmp_path / picture)] if picture else [])
     assert lines == ([f"{tmp_path / 's.obj'}: {lost}"] if lost else [])
 
 
@@ -96,7 +106,7 @@ def test_what_a_ply_file_has_of_textures_is_named(tmp_path):
     rows = "0 0 0 0 0 9\n1 0 0 0 0 9\n0 1 0 0 0 9\n3 0 1 2\n"
     (tmp_path / "s.ply").write_text(f"{head}element face 1\nproperty list uchar int vertex_indices\nend_header\n{rows}")
     line = f"{tmp_path / 's.ply'}: of a PLY file not read, export OBJ: 3 (skin.png, texture coordinates, colours)"
-    assert read_render_surface(tmp_path / "s.ply", "x")[1:] == ("", [line])
+    assert read_render_surface(tmp_path / "s.ply", "x")[1:] == ([], [line])
 
 
 def test_other_files_have_no_places(tmp_path):

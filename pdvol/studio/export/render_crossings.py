@@ -50,7 +50,7 @@ class _Drawn:
 def rest_gaps(level: RunLevel, mesh: StoredRender) -> tuple[float, float]:
     """[m] how far a render mesh at rest stands out from its body's simulated surface, and how deep it lies within."""
     facets = _facets(level, mesh.body)
-    gaps = signed_distance(mesh.points, level.rest, facets)
+    gaps = signed_distance(mesh.points[np.unique(mesh.welded)], level.rest, facets)
     return max(0.0, float(gaps.max())), max(0.0, -float(gaps.min()))
 
 
@@ -75,7 +75,7 @@ def _drawn(run: Run, level: RunLevel, step: int, closed: list[bool], obstacles: 
     for mesh, whole in zip(run.render_meshes, closed, strict=True):
         points = level.render_weights(mesh) @ x
         # Corners of seams are one vertex here: an open seam would let the inside out.
-        yield _Drawn(mesh.name, mesh.body, points, mesh.welded, np.arange(len(points)), whole, True)
+        yield _Drawn(mesh.name, mesh.body, points, mesh.welded, np.unique(mesh.welded), whole, True)
     covered = {mesh.body for mesh, whole in zip(run.render_meshes, closed, strict=True) if whole}
     for body, name in enumerate(run.info["bodies"]):
         if body not in covered:
@@ -89,11 +89,12 @@ def _drawn(run: Run, level: RunLevel, step: int, closed: list[bool], obstacles: 
 
 def _crossings(run: Run, level: RunLevel, step: int, mesh: _Drawn, drawn: list[_Drawn]) -> Iterator[tuple[str, float]]:
     """What a render mesh may cross at a step, and how deep it does [m]."""
+    vertices = mesh.points[mesh.used]
     for obstacle in level.placed(run.obstacles, step):
         if obstacle.kind == "plane":
             point, normal = obstacle.plane(step)
-            yield f"plane {obstacle.name!r}", max(0.0, -float(((mesh.points - point) @ normal).min()))
-    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+            yield f"plane {obstacle.name!r}", max(0.0, -float(((vertices - point) @ normal).min()))
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
     for number, other in enumerate(drawn):
         first_of_two = other.is_render and number <= next(i for i, one in enumerate(drawn) if one is mesh)
         if other.body == mesh.body or first_of_two:  # of two render meshes each is tested against the other once
@@ -101,7 +102,7 @@ def _crossings(run: Run, level: RunLevel, step: int, mesh: _Drawn, drawn: list[_
         box = box_of(other.points, other.triangles)
         if (box[0] > high).any() or (box[1] < low).any():
             continue
-        depth = deepest_inside(mesh.points, other.points, other.triangles) if other.closed else 0.0
+        depth = deepest_inside(vertices, other.points, other.triangles) if other.closed else 0.0
         if mesh.closed:
             depth = max(depth, deepest_inside(other.points[other.used], mesh.points, mesh.triangles))
         yield f"{'obstacle' if other.body < 0 else 'body'} {other.name!r}", depth

@@ -1,5 +1,7 @@
 """Depths of crossings that are known by hand: boxes whose render meshes are larger than what is simulated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,7 +63,10 @@ def test_an_obstacle_that_is_smaller_than_a_face(tmp_path):
 
 
 def test_nothing_crosses(tmp_path):
-    run = stored(tmp_path / "run", [0.1, 0.2], meshes={0: grown_box(0.1, 0.9, 0.0)})
+    """A vertex without a face, which is not drawn, is far below the plane."""
+    surface = grown_box(0.1, 0.9, 0.0)
+    surface = replace(surface, vertices=np.vstack([surface.vertices, [0.5, 0.5, -3.0]]))
+    run = stored(tmp_path / "run", [0.1, 0.2], meshes={0: surface})
     assert deepest_crossing(run, run.levels[0]).depth == 0.0
     assert rest_gaps(run.levels[0], run.render_meshes[0]) == pytest.approx((0.0, 0.1), abs=1e-9)
     _, notes = export_run(run.path, "obj", tmp_path / "out")

@@ -275,6 +275,9 @@ def scene(file="{file}", texture=""):
 """
 
 
+TWO = "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n"
+
+
 @pytest.mark.parametrize(
     ("text", "words", "said"),
     [
@@ -287,12 +290,17 @@ def scene(file="{file}", texture=""):
         ("v 9 0 0\nv 9 1 0\nv 9 0 1\nf 1 2 3\n", (), "give it in the coordinates of the body's shape"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 5\n", (), "faces use vertices that there are not"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("--set", "texture=gone.png"), "cannot be read"),
+        (TWO, (), "(a.png, b.png); give RenderMesh(texture=...), or one RenderMesh(FILE, material=NAME) for each"),
+        (TWO, ("--set", "texture=gone.png"), "gone.png cannot be read"),
     ],
 )
 def test_bad_input_is_one_line(tmp_path, capfd, text, words, said):
     file, shape = tmp_path / "scene.py", tmp_path / "fine.obj"
     if text is not None:
         shape.write_text(text)
+    (tmp_path / "two.mtl").write_text("newmtl a\nmap_Kd a.png\nnewmtl b\nmap_Kd b.png\n")
+    for name in "ab":
+        (tmp_path / f"{name}.png").touch()
     file.write_text(SCENE.replace("{file}", str(shape)))
     assert command(["run", str(file), "--out", str(tmp_path / "run"), "--no-picture", *words]) == 2
     line = capfd.readouterr().err.strip().splitlines()[-1]
