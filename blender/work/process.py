@@ -10,7 +10,7 @@ from ..shot.names import CLOSE_HOLES, WIDEST_HOLE
 WATCH = Path(__file__).with_name("watch.py")
 ENDS_WITHIN = 10.0  # seconds in which a cancelled command has to be gone: those of `watch.py`, and a slow machine's
 TAIL = 8000  # bytes at the end of a log that are looked at for its last line
-REMEDIES = ("close the holes", "repair the self-intersections")
+REMEDIES = ("close the holes, as pdvol repair does", "repair the self-intersections, as pdvol repair does")
 """What pdvol advises against defects of a mesh, which here is a setting."""
 NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # of Windows
 

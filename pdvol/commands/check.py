@@ -66,8 +66,9 @@ def _scene_lines(result: dict) -> list[str]:
     if result["stiffness_ratio"] not in (None, 1.0):
         lines.append(f"stiffness ratio of the materials: {result['stiffness_ratio']:.3g}")
     for held in result["supports"]:
-        parts = (f"{area:.3g} ({share:.1%})" for area, share in zip(held["areas"], held["shares"], strict=True))
-        lines.append(f"a support of {held['body'] or 'all bodies'} holds of the boundary, by level: {', '.join(parts)}")
+        parts = zip(held["areas"], held["shares"], strict=True)
+        words = ", ".join(f"{area:.3g} {held['unit']} ({share:.1%})" for area, share in parts)
+        lines.append(f"a support of {held['body'] or 'all bodies'} holds of the boundary, by level: {words}")
     for e in result["levels"]:
         lines.append(sizes_line(e))
         lines.append(

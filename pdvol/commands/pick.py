@@ -54,6 +54,6 @@ def main(options: Namespace) -> None:
     for line in level_lines(out, scores):
         print(line)
     if not options.refine:
-        print(f"refine it by: pdvol pick {options.wedge} {entry['number']} --refine", file=sys.stderr)
+        print(f"refine it by: pdvol refine {out}", file=sys.stderr)
         options.no_xdmf = True
     outputs.report()

@@ -327,11 +327,8 @@ class _Boundaries:
         for outer, inside in self._inside():
             one = int(self.owner[inside[0]])
             free = apart(one, outer)
-            mend = (
-                "move them apart, or set closed=False on a hollow obstacle"
-                if free is None
-                else MEND_LEVEL.format(free=free, level=level)
-            )
+            hollow = "set closed=False on a hollow obstacle" if outer >= self.bodies else "give the outer one a cavity"
+            mend = f"move them apart, or {hollow}" if free is None else MEND_LEVEL.format(free=free, level=level)
             yield Defect(
                 IntersectionError(
                     f"level {level}: {self.names[one]} lies inside {self.names[outer]} at t = 0 (vertex"

@@ -137,8 +137,8 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
         )
     if closed and (counts == 1).any():
         raise MeshError(
-            f"{name}: the surface is open along {int((counts == 1).sum())} edges, {some(edges[counts == 1])}; close"
-            " the holes"
+            f"{name}: the surface is open along {int((counts == 1).sum())} edges, {some(edges[counts == 1])};"
+            " close the holes, as pdvol repair does"
         )
     mixed = mixed_edges(triangles)
     if len(mixed):
@@ -171,7 +171,7 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
         raise MeshError(f"{name}: triangles {some(flat)} have no area; merge or remove their vertices")
     doubled = repeated(triangles)
     if len(doubled):
-        raise MeshError(f"{name}: triangles {some(doubled)} repeat others; remove the duplicates")
+        raise MeshError(f"{name}: triangles {some(doubled)} repeat others; remove them, as pdvol repair does")
     seams = seam_vertices(points, triangles) if closed else 0
     if seams:
         raise MeshError(
@@ -186,7 +186,7 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
             raise MeshError(f"{name}: the surface encloses no volume; give a body with an inside")
         triangles = triangles[:, ::-1] if volume < 0 else triangles
     check_budget(name)
-    _check_crossings(points, triangles, name, "the surface", "repair the self-intersections")
+    _check_crossings(points, triangles, name, "the surface", "repair the self-intersections, as pdvol repair does")
     check_budget(name)
     if closed:
         check_nested(points, triangles.astype(np.int64), name)

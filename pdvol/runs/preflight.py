@@ -77,7 +77,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     -------
     dict
         `sound`, `modelled` (lines), `stiffness_ratio`, `supports` (area of the boundary that each holds on each level
-        [m^(d-1)], and its part of the whole), `levels` (sizes, worst cells, smallest gap, defects, cost),
+        [m^(d-1)], and its part of its body's), `levels` (sizes, worst cells, smallest gap, defects, cost),
         `notes` and `defects` (lines).
     """
     result: dict[str, Any] = {"sound": False, "modelled": [], "stiffness_ratio": None, "supports": []}
@@ -164,13 +164,15 @@ def _stress_notes(scene: Scene, mesh: LevelMesh) -> Iterator[str]:
 
 
 def _held(scene: Scene, support: Support, meshes: Sequence[LevelMesh]) -> dict:
-    """What a support holds of the boundary of each level: facets with all their corners."""
-    areas, wholes = [], []
+    """What a support holds of its body's boundary on each level: facets with all their corners."""
+    areas, wholes, names = [], [], [body.name for body in scene.bodies]
     for mesh in meshes:
         sizes = facet_sizes(mesh.points, mesh.boundary)
+        own = [support.body in ("", names[k]) for k in mesh.point_bodies[mesh.boundary[:, 0]]]
         areas.append(float(sizes[chosen_points(scene, support, mesh)[mesh.boundary].all(axis=1)].sum()))
-        wholes.append(float(sizes.sum()))
-    return {"body": support.body, "areas": areas, "shares": [a / b for a, b in zip(areas, wholes, strict=True)]}
+        wholes.append(float(sizes[own].sum()))
+    shares = [a / b for a, b in zip(areas, wholes, strict=True)]
+    return {"body": support.body, "areas": areas, "shares": shares, "unit": "m" if meshes[0].dim == 2 else "m^2"}
 
 
 def _support_notes(supports: Sequence[dict]) -> Iterator[str]:
@@ -179,9 +181,10 @@ def _support_notes(supports: Sequence[dict]) -> Iterator[str]:
         areas = support["areas"]
         if max(areas) > SAME_AREA * min(areas):
             least, most = int(np.argmin(areas)), int(np.argmax(areas))
+            held, unit = support["body"] or "all bodies", support["unit"]
             yield (
-                f"a support of {support['body'] or 'all bodies'} holds {areas[least]:.3g} of the boundary on level"
-                f" {least} and {areas[most]:.3g} on level {most}; let its `where` choose whole faces, or a part that is"
+                f"a support of {held} holds {areas[least]:.3g} {unit} of the boundary on level {least} and"
+                f" {areas[most]:.3g} {unit} on level {most}; let its `where` choose whole faces, or a part that is"
                 " wider than the longest edges"
             )
 

@@ -71,7 +71,8 @@ def _check_mesh(file: Path, notes: list[str]) -> str:
     """The size of a sound mesh in words. Notes are added also where a defect is raised."""
     read, found = read_with_notes(file)
     notes += found
-    check_place(place_of(read), str(file))
+    check_place(points := place_of(read), str(file))
+    notes += _unit_notes(points)
     shape, _, found = judge(read, str(file))
     notes += found
     low, high = (f"({', '.join(f'{x:.3g}' for x in end(place_of(shape), axis=0))})" for end in (np.min, np.max))
@@ -91,6 +92,15 @@ def _in_words(shape: Outline | Surface | Solid) -> str:
     )
 
 
+def _unit_notes(points: np.ndarray, scale: float = 1.0) -> Iterator[str]:
+    """A line where a shape of points (n, d) [m], scaled so, is so large or small that its unit may be another one."""
+    size = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 1.0
+    units = {"millimetres": 1e-3, "centimetres": 1e-2} if size > USUAL_SIZES[1] else {"kilometres": 1e3}
+    if not USUAL_SIZES[0] <= size <= USUAL_SIZES[1]:
+        scales = (f"Placement(scale={by * scale:g}) of {unit} makes it {by * size:.3g} m" for unit, by in units.items())
+        yield f"{size:.3g} m across; lengths are metres: {', '.join(scales)}"
+
+
 def shape_notes(scene: Scene) -> list[str]:
     """What is worth knowing of the bodies' shapes, and of how they were read, in lines; InputError as `judge`."""
     lines = []
@@ -100,11 +110,7 @@ def shape_notes(scene: Scene) -> list[str]:
             with stage(f"checking the shape of {name}"):
                 read, notes = read_with_notes(shape)
                 check_place(points := body.placement(place_of(read)), name)
-                size = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 1.0
-                by = 1e-3 if size > USUAL_SIZES[1] else 1e3 if size < USUAL_SIZES[0] else 1.0
-                if by != 1.0:
-                    other = f"Placement(scale={by * body.placement.scale:g}) makes it {by * size:.3g} m"
-                    notes.append(f"{size:.3g} m across; lengths are metres: if its unit is another one, {other}")
+                notes += _unit_notes(points, body.placement.scale)
                 try:
                     lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
                 except IntersectionError as error:

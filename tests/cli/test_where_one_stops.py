@@ -28,7 +28,9 @@ def scene():
     square = Outline([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     return Scene((Body(square, Law(1e4), (12,), name="square"),), dt=0.01, steps=2)
 """
-UNIT = "lengths are metres: if its unit is another one"
+UNIT = (
+    "lengths are metres: Placement(scale=0.001) of millimetres makes it 0.141 m, Placement(scale=0.01) of centimetres"
+)
 
 
 @pytest.fixture
@@ -92,7 +94,7 @@ def test_a_stress_at_rest_and_an_unusual_size_are_noted(tmp_path, capsys):
     for more, size, said in (
         ("", 1, []),
         ("2e3 * F[0, 0] + ", 1, ["Law has a stress of 2e+03 Pa at rest, which sets it in motion"]),
-        ("", 100, [f"141 m across; {UNIT}, Placement(scale=0.001) makes it 0.141 m"]),
+        ("", 100, [f"141 m across; {UNIT} makes it 1.41 m"]),
     ):
         scene = write(tmp_path / "law.py", LAW.format(sign=more).replace("1.0", f"{size}.0"))
         assert pdvol("check", scene, "--measure", 0) == 0

@@ -247,8 +247,8 @@ def _chosen(text: str, scene_file: Path | None, planned: Run | None, trusted: bo
         raise InputError(f"score {text!r}: there is no {name.id}{where}; the ready scores are {', '.join(READY)}")
     with _one_line(text):
         if isinstance(call, ast.Call):
-            named = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
-            function = function(*map(ast.literal_eval, call.args), **named)
+            named = {str(k.arg): _literal(k.value, text) for k in call.keywords}
+            function = function(*(_literal(word, text) for word in call.args), **named)
         elif ready:
             function = ready()
         if ready and planned:
@@ -261,6 +261,13 @@ def _chosen(text: str, scene_file: Path | None, planned: Run | None, trusted: bo
             return sign * float(function(run))
 
     return score
+
+
+def _literal(word: ast.expr, text: str) -> Any:
+    """An argument of a score: a number, text or a tuple of them."""
+    if isinstance(word, ast.Name):
+        raise InputError(f'score {text!r}: {word.id} is a name; write text in quotes, as "{word.id}"')
+    return ast.literal_eval(word)
 
 
 @contextmanager

@@ -201,6 +201,7 @@ def test_scores_are_texts_and_a_coarser_level_has_its_own(tmp_path, flat_run):
         "__import__('os').system('true')": "cannot be read",
         "upright(open('x'))": "ValueError",
         "upright()": "TypeError",
+        "upright(a)": 'a is a name; write text in quotes, as "a"',
         "nothing": "there is no nothing and scene.py has no such function; the ready scores are upright, lands_in",
         "number": "there is no number",
         "gone.py:mine": "there is no scene file gone.py",
