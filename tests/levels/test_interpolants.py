@@ -298,7 +298,7 @@ def test_bad_hierarchies():
     with pytest.raises(ValueError, match="at least one level"):
         Hierarchy([], COMM)
     with pytest.raises(ValueError, match="barycentric"):
-        Hierarchy([box(2, 1)], COMM, interpolant="nearest")
+        Hierarchy([box(2, 1)], COMM, interpolant="?")
 
 
 @pytest.mark.parametrize("limit, value, columns", [("MAX_COARSE_VERTICES", 63, 8), ("MAX_WEIGHTS", 1, None)])

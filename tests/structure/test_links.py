@@ -96,3 +96,11 @@ def there(name: str) -> bool:
 def test_links_anchors_and_files_that_a_page_names_exist(page):
     assert [target for target in links(page) if dead(page, target)] == []
     assert [name for name in names(page) if not there(name)] == []
+
+
+def test_code_that_the_architecture_page_names_exists():
+    spans = " ".join(re.findall(r"`([^`]+)`", prose(ROOT / "docs" / "architecture.md")))
+    words = set(re.findall(r"\b(?:[A-Z]\w*[a-z_]\w*|[A-Z][A-Z_]+|[a-z]\w*_\w+)\b", spans))
+    files = [path for top in ("pdvol", "blender", "tests/structure") for path in (ROOT / top).rglob("*")]
+    source = kept() + " ".join(path.read_text() for path in files if path.suffix in (".py", ".c", ".h", ".js"))
+    assert len(words) > 60 and sorted(words - set(re.findall(r"\w+", source))) == []

@@ -1,5 +1,5 @@
-"""Interpolants: functions (coarse, fine, binding) -> scalar weights (n_fine, n_coarse) in input order, rows summing to
-one.
+"""Interpolants: functions (coarse, fine, binding) -> scalar weights (n_fine, n_coarse) in input order, which
+reproduce affine fields.
 
 Collective, with the same result on every rank. `binding` binds the fine points to coarse cells. A new one is a file
 here, or in another package, and a line in `pdvol.registry`, or an entry point.
