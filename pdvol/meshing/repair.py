@@ -343,5 +343,5 @@ def _comparison(before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, 
     if lost > UNCHANGED * size:
         found.append(f"the given surface lies up to {lost / size:.2g} of its size outside")
     if added > UNCHANGED * size:
-        found.append(f"the new one up to {added / size:.2g} off the given one")
+        found.append(f"the new one up to {added / size:.2g} of its size off the given one")
     return "compared with the input: " + (", ".join(found) or "the same shells, volume, box and surface")
