@@ -245,6 +245,19 @@ class Contact:
         """Gradient of the energy [N] by the unknowns of V: minus the contact forces. A new vector, with V's ghosts."""
         return self._vector(self._potential.gradient(self._started(u)))
 
+    def force(self, u: Displacement, obstacle: str) -> np.ndarray:
+        """(d,) [N]: force of an obstacle on the bodies, barrier and friction together. All that have its name count.
+
+        The sum over all obstacles is minus the sum of `gradient`.
+        """
+        x, names = self._started(u), [placed.name for placed in self._obstacles]
+        numbers = [number for number, name in enumerate(names, len(self.bodies)) if name == obstacle]
+        if not numbers:
+            raise InputError(f"force: there is no obstacle {obstacle!r}; there are {names}")
+        of = np.isin(self._barrier.surface.objects, numbers)
+        found = [self._barrier.contacts(x).gradient, *(term.found_at(x)[1] for term in self._terms.frictions)]
+        return self._space.reduce(sum(by_vertices[of].sum(axis=0) for by_vertices in found))
+
     def hessian(self, u: Displacement, projected: bool = True) -> PETSc.Mat:
         """Hessian of the energy [N/m], a new AIJ matrix that couples at least what cells couple.
 

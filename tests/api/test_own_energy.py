@@ -78,13 +78,18 @@ def test_the_projected_hessian_is_positive_and_adds_to_the_matrix_of_a_form(dim)
 
 
 @DIMENSIONS
-def test_contact_forces_sum_to_zero_without_obstacles(dim):
+def test_contact_forces_sum_to_those_of_obstacles(dim):
     V = touching.space(dim)
-    contact = touching.contact(V, obstacles=(), friction=Friction(0.4))
-    contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
-    forces = contact.gradient(touching.displaced(V)).array.reshape(-1, dim)
-    assert np.abs(forces).max() > 0.0
-    assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
+    u, alone = touching.displaced(V), {}
+    for names in ((), ("ground",), ("wedge",), ("ground", "wedge")):
+        obstacles = tuple(each for each in touching.obstacles(dim) if each.name in names)
+        contact = touching.contact(V, obstacles=obstacles, friction=Friction(0.4))
+        contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
+        forces, found = contact.gradient(u).array.reshape(-1, dim), {name: contact.force(u, name) for name in names}
+        assert (small := 1e-12 * np.abs(forces).sum()) > 0.0
+        assert np.abs(forces.sum(axis=0) + sum(found.values())).max() < small
+        assert all(np.abs(force - alone.setdefault(name, force)).max() < small for name, force in found.items())
+    assert alone["ground"][-1] > 0.0 and alone["wedge"][0] > 0.0
 
 
 def block_on_ground(mu, below=0.005):
