@@ -20,15 +20,15 @@ from pdvol.integrate.scripted_motion import LEAST_GAIN
 from pdvol.levels.initial_state import count_intersections, find_defects
 from pdvol.levels.level_check import check_distance
 from pdvol.levels.obstacles import placed_obstacles, read_geometry
-from pdvol.levels.script import Script
+from pdvol.levels.script import ON_TIME, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.runs.own_parts import GivenEnergy, held_points, longest_part, owned_rows
-from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid, Still
-from pdvol.scene.checks import finite, instance, optional, positive
+from pdvol.scene import Barrier, Friction, Obstructing, Pascal, Still
+from pdvol.scene.checks import finite, instance, optional, positive, several
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import Stopwatch
@@ -91,9 +91,7 @@ class Contact:
         barrier = Barrier() if barrier is None else barrier
         instance(Barrier)("Contact.barrier", barrier)
         optional(instance(Friction))("Contact.friction", friction)
-        for obstacle in obstacles:
-            if not isinstance(obstacle, Plane | Rigid | Deforming):
-                raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
+        several(Obstructing, "Plane, Rigid and Deforming")("Contact.obstacles", obstacles)
         if young is not None:
             positive("Contact.young", young)
         elif not isinstance(barrier.stiffness, Pascal):
@@ -161,8 +159,8 @@ class Contact:
         self._apart(x)
         if self._go_on(x, float(t0)) < t0:
             raise InputError(
-                f"begin_step: contact holds obstacles at t = {self._time:g} s, not {t0:g} s; solve and call"
-                " move_obstacles until it returns the step's end"
+                f"begin_step: contact holds obstacles at t = {self._time:g} s, not {t0:g} s; solve and call follow (or"
+                " move_obstacles) until it returns the step's end"
             )
         self._potential.begin_step(x, x.owned, 1.0, t0, t1)
         self._stepped, self._step = True, (float(t0), float(t1))
@@ -193,7 +191,7 @@ class Contact:
         Parameters
         ----------
         u : displacements [m], which are changed
-        until : [s]
+        until : [s], within the step
         hessian, gradient : of the user's own E at u [N/m, N], without contact and before supported rows are eliminated
         held : block numbers of V whose vertices are prescribed, as `locate_dofs_topological` gives them
         to : displacements [m] that these have at `until`; where None they stay
@@ -205,9 +203,12 @@ class Contact:
         Raises
         ------
         InputError
-            A part of E is not finite or has another size.
+            A part of E is not finite or has another size, or the step ends before `until`.
         """
+        finite("follow: until", until)
         x, forces, (t0, t1) = self._apart(self._started(u)), self._owned(gradient, "gradients"), self._step
+        if until > t1 + ON_TIME * (t1 - t0):
+            raise InputError(f"follow: {until:g} s is outside of the step from {t0:g} to {t1:g} s; begin the next one")
         ends = None if to is None else self._rest + self._owned(to)
         energy, rows = GivenEnergy(self._space, forces, hessian), owned_rows(self._space, held)
         if until > self._time:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import touching
 import ufl
+from basix.ufl import element, mixed_element
 from dolfinx import fem, mesh
 from dolfinx.fem import petsc
 from mpi4py import MPI
@@ -183,15 +184,20 @@ def spaces():
         "not in": (square, ("Lagrange", 2, (2,))),
         "displacements in": (square, ("DG", 1, (2,))),
         "contact needs displacements": (square, ("Lagrange", 1, (3,))),
+        "V.sub(0).collapse()[0]": (square, mixed_element([element("P", "triangle", 1, shape=(2,))] * 2)),
     }
 
 
 @pytest.mark.parametrize("message", spaces())
 def test_other_spaces_are_refused(message):
     domain, element = spaces()[message]
-    with pytest.raises(InputError) as caught:
-        pdvol.Contact(fem.functionspace(domain, element), 1e5)
-    assert message in str(caught.value) and "\n" not in str(caught.value)
+    V = fem.functionspace(domain, element)
+    for given in (V, V.sub(0)) if "collapse" in message else (V,):
+        with pytest.raises(InputError) as caught:
+            pdvol.Contact(given, 1e5)
+        assert message in str(caught.value) and "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="contact needs a dolfinx FunctionSpace, not Mesh"):
+        pdvol.Contact(domain, 1e5)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +208,8 @@ def test_other_spaces_are_refused(message):
         ("Contact.diagonal = 0 must be positive", {"diagonal": 0}),
         ("Contact.barrier must be a Barrier, not Friction", {"barrier": Friction(0.1)}),
         ("Contact.friction must be a Friction, not float", {"friction": 0.1}),
-        ("Contact.obstacles hold Plane, Rigid and Deforming, not Outline", {"obstacles": (touching.wedge(2),)}),
+        ("Contact.obstacles holds Plane, Rigid and Deforming, not Outline", {"obstacles": (touching.wedge(2),)}),
+        ("Contact.obstacles must be a tuple, as (Plane(", {"obstacles": Plane((0, 0), (0, 1))}),
         ("body 'body 1': the contact distance dhat = 1 m is larger than the body", {"barrier": Barrier(dhat=1.0)}),
         ("obstacle 'plane' is 3D, the mesh is 2D", {"obstacles": (Plane((0, 0, 0), (0, 0, 1)),)}),
         ("obstacle 'ball' is 3D, the mesh is 2D", {"obstacles": (Rigid(touching.wedge(3), name="ball"),)}),
@@ -231,6 +238,8 @@ def test_bad_calls_are_refused_in_one_line():
         (lambda: contact.begin_step(PETSc.Vec().createSeq(3), 0.0, 0.1), "3 values on this rank"),
         (lambda: contact.begin_step(u, 0.0, 0.1), None),
         (lambda: contact.force(u, "floor"), r"force: there is no obstacle 'floor'; there are \['ground'\]"),
+        (lambda: contact.follow(u, 5.0, None, u), "follow: 5 s is outside of the step from 0 to 0.1 s"),
+        (lambda: contact.follow(u, "now", None, u), "follow: until = 'now' is not a finite number"),
     ):
         with pytest.raises(InputError, match=message) if message else nullcontext():
             call()
