@@ -40,8 +40,13 @@ class Defect:
     primitives: list[np.ndarray]
 
 
+def _where(level: int | None) -> tuple[str, str]:
+    """How a message begins, and when it is."""
+    return ("", "at u") if level is None else (f"level {level}: ", "at t = 0")
+
+
 def find_defects(
-    level: int,
+    level: int | None,
     mesh: LevelMesh,
     obstacles: Sequence[Obstacle],
     bodies: Sequence[str],
@@ -54,6 +59,7 @@ def find_defects(
 
     Parameters
     ----------
+    level : None where the mesh is a user's own, at displacements u
     mesh : of the level, with its points where they are at t = 0 (`started`)
     obstacles : of the scene
     bodies : their names
@@ -61,7 +67,7 @@ def find_defects(
     """
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
-    finer = len(level_meshes) - 1 > level
+    finer = level is not None and len(level_meshes) - 1 > level
 
     def apart(one: int, other: int) -> int | None:
         """The finest level, where two owners of boundaries are apart there."""
@@ -151,19 +157,20 @@ def _within(points: np.ndarray, others: np.ndarray) -> bool:
     )
 
 
-def _below(level: int, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) -> Iterator[Defect]:
+def _below(level: int | None, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) -> Iterator[Defect]:
     height = _heights(mesh.points, plane)
     below = np.flatnonzero(height <= 0.0)
     if len(below):
         worst = int(np.argmin(height))
         body = bodies[mesh.point_bodies[worst]]
         many = f"{len(below)} vertices are" if len(below) > 1 else "1 vertex is"
+        of, when = _where(level)
         yield Defect(
             IntersectionError(
-                f"level {level}: {many} at or below {plane.label} at t = 0, the worst vertex {worst} of body"
+                f"{of}{many} at or below {plane.label} {when}, the worst vertex {worst} of body"
                 f" {body!r} by {-height[worst]:.3g} m; lift the body or lower the plane",
                 [(int(v),) for v in below],
-                level,
+                level or 0,
                 (mesh.point_bodies[worst],),
                 plane.plane_at(0.0)[1],
             ),
@@ -208,6 +215,7 @@ class _Boundaries:
         self.facets = np.vstack(facets).astype(np.int64)
         self.edges = edges_of(self.facets)
         self.faces = self.facets if mesh.dim == 3 else np.empty((0, 3), dtype=np.int64)
+        self.second = self.edges if mesh.dim == 2 else self.faces  # what edges cross
         boxes = (np.ptp(self.points[self.owner == body], axis=0) for body in np.unique(self.owner[: len(used)]))
         self.smallest = min(float(np.linalg.norm(box)) for box in boxes)  # of the bodies' diagonals [m]
 
@@ -220,21 +228,19 @@ class _Boundaries:
 
     def meet(self, one: int, other: int) -> bool:
         """Whether the boundaries of two owners cross, or one lies inside the other."""
-        second = self.edges if len(self.faces) == 0 else self.faces
         crossing = {
-            frozenset((self.owner[self.edges[a][0]], self.owner[second[b][0]])) for a, b in self.crossing_pairs()
+            frozenset((self.owner[self.edges[a][0]], self.owner[self.second[b][0]])) for a, b in self.crossing_pairs()
         }
         return frozenset((one, other)) in crossing or any(
             {outer, *self.owner[inside]} == {one, other} for outer, inside in self._inside()
         )
 
-    def crossings(self, level: int, apart: Callable[[int, int], int | None]) -> Iterator[Defect]:
+    def crossings(self, level: int | None, apart: Callable[[int, int], int | None]) -> Iterator[Defect]:
         """Boundaries that cross, or else touch. `apart` gives the level on which two owners are apart, if one is."""
         obstacle = np.where(self.owner >= self.bodies, -1, 0)
-        second = self.edges if len(self.faces) == 0 else self.faces
         pairs = self.crossing_pairs()
         if len(pairs):
-            yield self._defect(level, "crosses", apart, [(self.edges[a], second[b]) for a, b in pairs])
+            yield self._defect(level, "crosses", apart, [(self.edges[a], self.second[b]) for a, b in pairs])
             return
         touching = find_touching(self.points, self.edges, self.faces, obstacle, self.smallest)
         if len(touching):
@@ -265,7 +271,7 @@ class _Boundaries:
 
     def _defect(
         self,
-        level: int,
+        level: int | None,
         does: str,
         apart: Callable[[int, int], int | None],
         pairs: Sequence[tuple[Sequence[int] | np.ndarray, Sequence[int] | np.ndarray]],
@@ -275,17 +281,19 @@ class _Boundaries:
         first, second = named[0]
         other = "itself" if other == one else other
         a, b = pairs[0][0][0], pairs[0][1][0]
-        if other == "itself":
+        if level is None:
+            mend = "repair the shape" if other == "itself" else "move them apart"
+        elif other == "itself":
             mend = "give more vertices to coarse levels or repair the shape"
         else:
             free = apart(int(self.owner[a]), int(self.owner[b]))
             mend = MEND if free is None else MEND_LEVEL.format(free=free, level=level)
-        depth = self._depth(self.owner[a], self.owner[b])
+        depth, (of, when) = self._depth(self.owner[a], self.owner[b]), _where(level)
         error = IntersectionError(
-            f"level {level}: {one} {does} {other} at t = 0{depth} ({WORDS[len(first)]} {first} and {WORDS[len(second)]}"
+            f"{of}{one} {does} {other} {when}{depth} ({WORDS[len(first)]} {first} and {WORDS[len(second)]}"
             f" {second}, {len(named)} such pairs); {mend}",
             named,
-            level,
+            level or 0,
             *self._apart(self.owner[a], self.owner[b]),
         )
         return Defect(error, [self.points[list(part)] for pair in pairs for part in pair])
@@ -322,19 +330,19 @@ class _Boundaries:
         length = np.linalg.norm(way)
         return bodies, way / length if length > 0.0 else up
 
-    def contained(self, level: int, apart: Callable[[int, int], int | None]) -> Iterator[Defect]:
+    def contained(self, level: int | None, apart: Callable[[int, int], int | None]) -> Iterator[Defect]:
         """A body or obstacle that lies wholly inside another one; `apart` as for `crossings`."""
         for outer, inside in self._inside():
-            one = int(self.owner[inside[0]])
+            one, (of, when) = int(self.owner[inside[0]]), _where(level)
             free = apart(one, outer)
             hollow = "set closed=False on a hollow obstacle" if outer >= self.bodies else "give the outer one a cavity"
             mend = f"move them apart, or {hollow}" if free is None else MEND_LEVEL.format(free=free, level=level)
             yield Defect(
                 IntersectionError(
-                    f"level {level}: {self.names[one]} lies inside {self.names[outer]} at t = 0 (vertex"
+                    f"{of}{self.names[one]} lies inside {self.names[outer]} {when} (vertex"
                     f" {self.labels[inside[0]]}); {mend}",
                     [(int(self.labels[v]),) for v in inside],
-                    level,
+                    level or 0,
                     *self._apart(one, outer),
                 ),
                 [self.points[[v]] for v in inside],

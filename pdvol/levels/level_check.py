@@ -57,7 +57,7 @@ def level_defects(
                 )
         for barrier in scene.contact:
             if isinstance(barrier, Barrier):
-                _check_distance(scene, mesh, metres(barrier.dhat, diagonal))
+                check_distance([body.name for body in scene.bodies], mesh, metres(barrier.dhat, diagonal))
     except InputError as error:
         yield Defect(error, [])
         return
@@ -141,12 +141,13 @@ def cells_through(mesh: LevelMesh, number: int) -> tuple[int, float]:
     return MOST_CELLS, thickness
 
 
-def _check_distance(scene: Scene, mesh: LevelMesh, dhat: float) -> None:
-    for number, body in enumerate(scene.bodies):
+def check_distance(bodies: Sequence[str], mesh: LevelMesh, dhat: float) -> None:
+    """InputError where the contact distance dhat [m] is larger than one of the bodies, which are given by names."""
+    for number, body in enumerate(bodies):
         long = _sides(mesh, number).max()
         if dhat >= long:
             raise InputError(
-                f"body {body.name!r}: the contact distance dhat = {dhat:.3g} m is larger than the body ({long:.3g} m);"
+                f"body {body!r}: the contact distance dhat = {dhat:.3g} m is larger than the body ({long:.3g} m);"
                 f" give Barrier(dhat=...) of {1e-3 * long:.1g} m or so"
             )
 

@@ -201,6 +201,8 @@ def _of_blocks(V: fem.FunctionSpace, values: np.ndarray) -> np.ndarray:
 
 def _require_vector_p1(V: fem.FunctionSpace) -> None:
     """InputError unless V is vector P1 on straight simplices."""
+    if not isinstance(V, fem.FunctionSpace):
+        raise InputError(f"contact needs a dolfinx FunctionSpace, not {type(V).__name__}")
     domain, element = V.mesh, V.ufl_element()
     cell, d = domain.topology.cell_name(), domain.topology.dim
     if cell not in ("triangle", "tetrahedron") or domain.geometry.dim != d:
@@ -209,6 +211,8 @@ def _require_vector_p1(V: fem.FunctionSpace) -> None:
         )
     if len(compat.geometry_dofmap(domain)) and compat.geometry_dofmap(domain).shape[1] != d + 1:
         raise InputError("contact needs straight cells; make the mesh with a geometry of degree 1")
+    if V.component() or element.num_sub_elements > 1 and element.block_size == 1:
+        raise InputError("contact needs displacements alone; of a mixed space V give V.sub(0).collapse()[0]")
     plain = element.family_name == "P" and element.degree == 1 and not element.discontinuous
     if not plain or V.dofmap.bs != d:
         raise InputError(f'contact needs displacements in ("Lagrange", 1, ({d},)), not in {element}')

@@ -16,7 +16,7 @@ INLINE double law(double squared, double dhat, double kappa, double *slope, doub
 }
 
 /* The sum of weights times the law over contacts that count here, and of all contacts the pressures, minus the law's derivatives by the gap, and the
- * gradient by the surface's positions (n, d), added to `gradient`. */
+ * gradient by the surface's positions (n, d), added to `gradient`; of obstacles over those that count here. */
 INLINE double sum(const contacts_t *all, double dhat, double kappa, double *gradient)
 {
     double total = 0.0;
@@ -28,12 +28,12 @@ INLINE double sum(const contacts_t *all, double dhat, double kappa, double *grad
         total += at->counted ? at->weight * value : 0.0;
         at->pressure = -2.0 * sqrt(squared) * slope;
         for (int i = 0, n = used(c); i < n; ++i)
-            for (int j = 0; j < d; ++j)
+            for (int j = 0; j < d && adds(all, at, i); ++j)
                 gradient[(int64_t)d * at->vertices[i] + j] += 2.0 * at->weight * slope * c[i] * at->gap[j];
         if (f == all->faded || all->fades[f].contact != k)
             continue;
         for (int q = 0; q < 4 * d; ++q)
-            gradient[(int64_t)d * at->vertices[q / d] + q % d] += value * all->fades[f].first[q];
+            gradient[(int64_t)d * at->vertices[q / d] + q % d] += adds(all, at, q / d) ? value * all->fades[f].first[q] : 0.0;
         ++f;
     }
     return total;

@@ -52,7 +52,7 @@ double friction_sum(const contacts_t *all, const friction_t *friction, const dou
         for (int j = 0; j < d; ++j)
             force[j] = friction->forces[k] * (predicted ? friction->sticks[k] - over : over) * slip[j];
         for (int i = 0; i < 4; ++i)
-            for (int j = 0; j < d; ++j)
+            for (int j = 0; j < d && adds(all, contact, i); ++j)
                 gradient[(int64_t)d * contact->vertices[i] + j] += contact->coefficients[i] * force[j];
     }
     return total;

@@ -82,9 +82,9 @@ typedef struct {
     double first[12], second[10][9];
 } fade_t;
 
-/* Contacts, those of half-spaces first, and the fades among them, both in one order. */
+/* Contacts, those of half-spaces first, and the fades among them, both in one order. Vertices below `of_bodies` are bodies', all others obstacles'. */
 typedef struct {
-    int64_t count, faded, half_spaces;
+    int64_t count, faded, half_spaces, of_bodies;
     contact_t *contacts;
     fade_t *fades;
 } contacts_t;

@@ -89,6 +89,12 @@ INLINE int used(const double *coefficients)
     return n;
 }
 
+/* Whether this rank adds a contact's force on its i-th vertex: on an obstacle, which no rank owns, those that count here do. */
+INLINE int adds(const contacts_t *all, const contact_t *at, int i)
+{
+    return at->counted || at->vertices[i] < all->of_bodies;
+}
+
 /* Adds a block (d x d) of two vertices; returns where it goes, row by row, or 0 where it is not in these rows. */
 INLINE double *add_block(out_t *out, int32_t v, int32_t w, int *turned)
 {

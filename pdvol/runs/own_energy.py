@@ -7,26 +7,28 @@ are reached that way are.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
 from mpi4py import MPI
 
 from pdvol.compat import PETSc, fem
-from pdvol.errors import InputError, IntersectionError
+from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
-from pdvol.geometry.crossings import find_crossings
 from pdvol.integrate.scripted_motion import LEAST_GAIN
+from pdvol.levels.initial_state import count_intersections, find_defects
+from pdvol.levels.level_check import check_distance
 from pdvol.levels.obstacles import placed_obstacles, read_geometry
-from pdvol.levels.script import Script
+from pdvol.levels.script import ON_TIME, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.runs.own_parts import GivenEnergy, held_points, longest_part, owned_rows
-from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
-from pdvol.scene.checks import finite, instance, optional, positive
+from pdvol.scene import Barrier, Friction, Obstructing, Pascal, Still
+from pdvol.scene.checks import finite, instance, optional, positive, several
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import Stopwatch
@@ -34,7 +36,6 @@ from pdvol.solve.report import Stopwatch
 Displacement: TypeAlias = fem.Function | PETSc.Vec
 PINCHED = 2e-3  # of dhat: twice the gap that a step leaves at least; obstacles do not close such a gap any further
 NEARLY_ALL = 0.999  # share that is left of pinched gaps: that of all others stays LEAST_LEFT
-NAMED_CROSSINGS = 5  # crossings whose bodies a message names
 
 
 class Contact:
@@ -74,8 +75,8 @@ class Contact:
     Raises
     ------
     InputError
-        V is another kind of space, a value is invalid, an obstacle has another dimension, or a name in `friction.pairs`
-        is unknown.
+        V is another kind of space, a value is invalid, dhat is larger than a body, an obstacle has another dimension,
+        or a name in `friction.pairs` is unknown.
     """
 
     def __init__(
@@ -90,9 +91,7 @@ class Contact:
         barrier = Barrier() if barrier is None else barrier
         instance(Barrier)("Contact.barrier", barrier)
         optional(instance(Friction))("Contact.friction", friction)
-        for obstacle in obstacles:
-            if not isinstance(obstacle, Plane | Rigid | Deforming):
-                raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
+        several(Obstructing, "Plane, Rigid and Deforming")("Contact.obstacles", obstacles)
         if young is not None:
             positive("Contact.young", young)
         elif not isinstance(barrier.stiffness, Pascal):
@@ -107,7 +106,7 @@ class Contact:
         self.bodies = ("body",) if count == 1 else tuple(f"body {number}" for number in range(1, count + 1))
         self._rest = self._space.from_input(mesh.points)
         self._at: Positions | None = None
-        self._stepped, self._time, self._dt = False, 0.0, 1.0
+        self._stepped, self._time, self._step = False, 0.0, (0.0, 1.0)
         self._blocks = HessianBlocks(BlockPattern(self._space))
         nobody = np.zeros(self._space.n_owned, dtype=bool)  # the user eliminates supported rows
         self._matrix: Any = SystemMatrix(self._space, nobody)
@@ -126,6 +125,7 @@ class Contact:
         contacts, frictions = contact_terms(contact, names, self._obstacles, self._space, diagonal, softest)
         self._barrier = contacts[0]
         self.dhat, self.kappa = self._barrier.dhat, self._barrier.kappa
+        check_distance(self.bodies, mesh, self.dhat)
         self._terms = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions)
         self._potential = IncrementalPotential(self._space, self._terms, Stopwatch(), self.bodies)
 
@@ -142,29 +142,28 @@ class Contact:
         Raises
         ------
         IntersectionError
-            At the first call: u is not free of intersections. Later calls do not look, which takes as long as a
-            Hessian: where u was set by hand, call `intersections`.
+            Vertices lie behind a plane or, at the first call, anything crosses, touches or lies inside another. Later
+            calls do not look for that, which takes as long as a Hessian: where u was set by hand, call `intersections`.
         InputError
-            The times do not ascend, a motion fails, or contact keeps an obstacle from its place at t0, for
-            `move_obstacles` has not brought it there.
+            The times do not ascend, a motion fails, or contact keeps an obstacle from its place at t0, for neither
+            `follow` nor `move_obstacles` has brought it there.
         """
         finite("begin_step: t0", t0)
         finite("begin_step: t1", t1)
         if not t1 > t0:
             raise InputError(f"begin_step: the step from {t0:g} to {t1:g} s has no length")
         x = self._positions(u)
-        if self._stepped and t0 > self._time:
-            if self._go_on(x, float(t0)) < t0:
-                raise InputError(
-                    f"begin_step: contact holds obstacles at t = {self._time:g} s, not {t0:g} s; solve and call"
-                    " move_obstacles until it returns the step's end"
-                )
-        else:
+        if not self._stepped or t0 <= self._time:
+            self._time = float(t0)
             self._potential.move_obstacles(t0)
-        if not self._stepped:
-            self._require_apart(x, t0)
+        self._apart(x)
+        if self._go_on(x, float(t0)) < t0:
+            raise InputError(
+                f"begin_step: contact holds obstacles at t = {self._time:g} s, not {t0:g} s; solve and call follow (or"
+                " move_obstacles) until it returns the step's end"
+            )
         self._potential.begin_step(x, x.owned, 1.0, t0, t1)
-        self._stepped, self._time, self._dt = True, float(t0), float(t1 - t0)
+        self._stepped, self._step = True, (float(t0), float(t1))
 
     def move_obstacles(self, u: Displacement, until: float) -> float:
         """Move the obstacles to their places at a time `until` [s], as far as they touch nothing at u.
@@ -192,7 +191,7 @@ class Contact:
         Parameters
         ----------
         u : displacements [m], which are changed
-        until : [s]
+        until : [s], within the step
         hessian, gradient : of the user's own E at u [N/m, N], without contact and before supported rows are eliminated
         held : block numbers of V whose vertices are prescribed, as `locate_dofs_topological` gives them
         to : displacements [m] that these have at `until`; where None they stay
@@ -204,14 +203,17 @@ class Contact:
         Raises
         ------
         InputError
-            A part of E is not finite or has another size.
+            A part of E is not finite or has another size, or the step ends before `until`.
         """
-        x, forces = self._started(u), self._owned(gradient, "gradients")
+        finite("follow: until", until)
+        x, forces, (t0, t1) = self._apart(self._started(u)), self._owned(gradient, "gradients"), self._step
+        if until > t1 + ON_TIME * (t1 - t0):
+            raise InputError(f"follow: {until:g} s is outside of the step from {t0:g} to {t1:g} s; begin the next one")
         ends = None if to is None else self._rest + self._owned(to)
         energy, rows = GivenEnergy(self._space, forces, hessian), owned_rows(self._space, held)
         if until > self._time:
             script = Script(held_points(x, rows, ends, self._time, until), self._obstacles)
-            least = LEAST_GAIN * self._dt
+            least = LEAST_GAIN * (t1 - t0)
             reached, end = longest_part(x, energy, self._terms, script, self._time, float(until), least)
             if end is not None:
                 self._set(u, end)
@@ -243,7 +245,20 @@ class Contact:
 
     def gradient(self, u: Displacement) -> PETSc.Vec:
         """Gradient of the energy [N] by the unknowns of V: minus the contact forces. A new vector, with V's ghosts."""
-        return self._vector(self._potential.gradient(self._started(u)))
+        return self._vector(self._potential.gradient(self._apart(self._started(u))))
+
+    def force(self, u: Displacement, obstacle: str) -> np.ndarray:
+        """(d,) [N]: force of an obstacle on the bodies, barrier and friction together. All that have its name count.
+
+        The sum over all obstacles is minus the sum of `gradient`.
+        """
+        x, names = self._apart(self._started(u)), [placed.name for placed in self._obstacles]
+        numbers = [number for number, name in enumerate(names, len(self.bodies)) if name == obstacle]
+        if not numbers:
+            raise InputError(f"force: there is no obstacle {obstacle!r}; there are {names}")
+        of = np.isin(self._barrier.surface.objects, numbers)
+        found = [self._barrier.contacts(x).gradient, *(term.found_at(x)[1] for term in self._terms.frictions)]
+        return self._space.reduce(sum(by_vertices[of].sum(axis=0) for by_vertices in found))
 
     def hessian(self, u: Displacement, projected: bool = True) -> PETSc.Mat:
         """Hessian of the energy [N/m], a new AIJ matrix that couples at least what cells couple.
@@ -255,7 +270,7 @@ class Contact:
 
         Add it to a matrix A of a form on V by `A.axpy(1.0, contact.hessian(u))`.
         """
-        x = self._started(u)
+        x = self._apart(self._started(u))
         self._blocks.clear()
         self._blocks.projection = "clamp" if projected else "none"
         self._potential.add_hessian(x, 1.0, self._blocks)
@@ -278,7 +293,7 @@ class Contact:
         Returns by how much that changes the friction forces, relative to them. A step may be solved and lagged several
         times until that is small; once, as `begin_step` does it, is common.
         """
-        return self._potential.update_lag(self._started(u))
+        return self._potential.update_lag(self._apart(self._started(u)))
 
     def min_gap(self, u: Displacement) -> float:
         """Smallest distance [m] of what is nearer than dhat; inf where nothing is."""
@@ -293,8 +308,8 @@ class Contact:
 
         The test for crossings is independent of the barrier's code.
         """
-        x = self._positions(u)
-        return len(self._crossings(x)) + self._barrier.behind_planes(x)
+        places = {obstacle: obstacle.place(self._time) for obstacle in self._obstacles}
+        return count_intersections(self._space.mesh, self._positions(u).whole, self._obstacles, self.bodies, places)
 
     def positions(self, u: Displacement) -> np.ndarray:
         """(n, d) [m] on every rank: where all vertices are, in the order of the points that the mesh was made from."""
@@ -345,26 +360,15 @@ class Contact:
         vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
         return vector
 
-    def _crossings(self, x: Positions) -> np.ndarray:
-        """(k, 2) primitives of the collision mesh that cross."""
-        surface, primitives = self._barrier.surface, self._barrier.surface.primitives
-        groups = np.where(surface.objects < len(self.bodies), surface.objects, -1)  # obstacles may cross each other
-        return find_crossings(surface.vertices(x), primitives.lines, primitives.triangles, groups)
-
-    def _require_apart(self, x: Positions, time: float) -> None:
-        """IntersectionError unless x is free of intersections."""
-        crossing, behind = self._crossings(x), self._barrier.behind_planes(x)
-        if behind:
-            raise IntersectionError(f"{behind} vertices lie at or behind planes at t = {time:g} s; lift the body")
-        if len(crossing):
-            surface, names = self._barrier.surface, self.bodies
-            edges = surface.primitives.lines
-            found = sorted({int(surface.objects[edges[pair[0], 0]]) for pair in crossing[:NAMED_CROSSINGS]})
-            whose = ", ".join(names[i] if i < len(names) else "an obstacle" for i in found)
-            raise IntersectionError(
-                f"surfaces cross at t = {time:g} s in {len(crossing)} places (edges of: {whose}); move them apart",
-                pairs=[tuple(pair) for pair in crossing],
-            )
+    def _apart(self, x: Positions) -> Positions:
+        """x. IntersectionError where it is behind planes or, before the first step, anything meets. Collective."""
+        if self._stepped and not self._barrier.behind_planes(x):
+            return x
+        mesh = replace(self._space.mesh, points=x.whole)
+        placed = [replace(o, vertices=o.at(self._time), motion=Still()) for o in self._obstacles]
+        for defect in find_defects(None, mesh, placed, self.bodies):
+            raise defect.error
+        return x
 
 
 def _vector_of(u: Displacement) -> PETSc.Vec:

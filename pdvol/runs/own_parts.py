@@ -28,7 +28,7 @@ class GivenEnergy(Term):
 
     def __init__(self, space: LevelSpace, gradient: np.ndarray, hessian: PETSc.Mat):
         size = len(space.mesh.points) * space.dim
-        if not isinstance(hessian, PETSc.Mat) or hessian.getSize() != (size, size):
+        if not isinstance(hessian, PETSc.Mat) or hessian.getSize() != (size, size) or not hessian.assembled:
             raise InputError(f"follow: the Hessian is an assembled PETSc matrix of {size} rows and columns")
         self._gradient = gradient
         starts, columns, values = hessian.getValuesCSR()
@@ -99,6 +99,6 @@ def owned_rows(space: LevelSpace, blocks: np.ndarray | None) -> np.ndarray:
     end = local.size_local + local.num_ghosts
     fits = given.ndim == 1 and given.dtype.kind in "iu" and bool(np.all((given >= 0) & (given < end)))
     if not space.reduce(fits, MPI.LAND):
-        raise InputError(f"follow: held vertices are block numbers of V, from 0 to {end - 1} on this rank")
+        raise InputError(f"follow: held has block numbers 0 to {end - 1} of V, by dolfinx.fem.locate_dofs_topological")
     rows[given[given < space.n_owned]] = True
     return rows

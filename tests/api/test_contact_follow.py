@@ -3,6 +3,7 @@
 import numpy as np
 import pressing
 import pytest
+from petsc4py import PETSc
 
 import pdvol
 from on_ranks import results_on
@@ -55,13 +56,14 @@ def test_a_vector_is_changed_like_a_function():
     contact, vector = pressed.contact, pressed.u.x.petsc_vec.copy()
     contact.begin_step(vector, 0.0, pressing.DT)
     H, g = pressed.derivatives()
-    small, none = g.copy(), g.copy()
+    small, none, raw = g.copy(), g.copy(), PETSc.Mat().createAIJ(H.getSize(), comm=H.comm)
     none.set(np.nan)
     for given, message in (
         ((g, g), "follow: the Hessian is an assembled PETSc matrix of"),
+        ((raw, g), "follow: the Hessian is an assembled PETSc matrix of"),
         ((H, none), "gradients are not all finite numbers"),
-        ((H, small, np.array([10**6])), "follow: held vertices are block numbers of V, from 0 to 124"),
-        ((H, small, np.array([0.5])), "follow: held vertices are block numbers of V"),
+        ((H, small, np.array([10**6])), "0 to 124 of V, by dolfinx.fem.locate_dofs_topological"),
+        ((H, small, np.array([0.5])), "follow: held has block numbers 0 to"),
     ):
         with pytest.raises(pdvol.InputError, match=message):
             contact.follow(vector, pressing.DT, *given)

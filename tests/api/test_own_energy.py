@@ -3,12 +3,14 @@
 import runpy
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 import touching
 import ufl
+from basix.ufl import element, mixed_element
 from dolfinx import fem, mesh
 from dolfinx.fem import petsc
 from mpi4py import MPI
@@ -19,7 +21,7 @@ import pdvol
 import taylor
 from commands import SAFETY
 from on_ranks import results_on
-from pdvol import Barrier, Friction, InputError, IntersectionError, Plane, Rigid, Translation
+from pdvol import Barrier, Friction, InputError, IntersectionError, Placement, Plane, Rigid, Translation
 from pdvol.levels.space import LevelSpace
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,20 +80,25 @@ def test_the_projected_hessian_is_positive_and_adds_to_the_matrix_of_a_form(dim)
 
 
 @DIMENSIONS
-def test_contact_forces_sum_to_zero_without_obstacles(dim):
+def test_contact_forces_sum_to_those_of_obstacles(dim):
     V = touching.space(dim)
-    contact = touching.contact(V, obstacles=(), friction=Friction(0.4))
-    contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
-    forces = contact.gradient(touching.displaced(V)).array.reshape(-1, dim)
-    assert np.abs(forces).max() > 0.0
-    assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
+    u, alone = touching.displaced(V), {}
+    for names in ((), ("ground",), ("wedge",), ("ground", "wedge")):
+        obstacles = tuple(each for each in touching.obstacles(dim) if each.name in names)
+        contact = touching.contact(V, obstacles=obstacles, friction=Friction(0.4))
+        contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
+        forces, found = contact.gradient(u).array.reshape(-1, dim), {name: contact.force(u, name) for name in names}
+        assert (small := 1e-12 * np.abs(forces).sum()) > 0.0
+        assert np.abs(forces.sum(axis=0) + sum(found.values())).max() < small
+        assert all(np.abs(force - alone.setdefault(name, force)).max() < small for name, force in found.items())
+    assert alone["ground"][-1] > 0.0 and alone["wedge"][0] > 0.0
 
 
-def block_on_ground(mu, below=0.005):
-    """A block so far above the ground, with friction; dhat is 1 cm."""
+def block_on_ground(mu):
+    """A block 5 mm above the ground, with friction; dhat is 1 cm."""
     domain = mesh.create_rectangle(MPI.COMM_WORLD, ((0.0, 0.0), (1.0, 1.0)), (3, 3))
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    ground = Plane((0.0, -below), (0.0, 1.0), name="ground")
+    ground = Plane((0.0, -0.005), (0.0, 1.0), name="ground")
     return V, pdvol.Contact(V, 1e5, Barrier(dhat=0.01), Friction(mu, eps_v=1e-3), (ground,))
 
 
@@ -177,15 +184,20 @@ def spaces():
         "not in": (square, ("Lagrange", 2, (2,))),
         "displacements in": (square, ("DG", 1, (2,))),
         "contact needs displacements": (square, ("Lagrange", 1, (3,))),
+        "V.sub(0).collapse()[0]": (square, mixed_element([element("P", "triangle", 1, shape=(2,))] * 2)),
     }
 
 
 @pytest.mark.parametrize("message", spaces())
 def test_other_spaces_are_refused(message):
     domain, element = spaces()[message]
-    with pytest.raises(InputError) as caught:
-        pdvol.Contact(fem.functionspace(domain, element), 1e5)
-    assert message in str(caught.value) and "\n" not in str(caught.value)
+    V = fem.functionspace(domain, element)
+    for given in (V, V.sub(0)) if "collapse" in message else (V,):
+        with pytest.raises(InputError) as caught:
+            pdvol.Contact(given, 1e5)
+        assert message in str(caught.value) and "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="contact needs a dolfinx FunctionSpace, not Mesh"):
+        pdvol.Contact(domain, 1e5)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +208,9 @@ def test_other_spaces_are_refused(message):
         ("Contact.diagonal = 0 must be positive", {"diagonal": 0}),
         ("Contact.barrier must be a Barrier, not Friction", {"barrier": Friction(0.1)}),
         ("Contact.friction must be a Friction, not float", {"friction": 0.1}),
-        ("Contact.obstacles hold Plane, Rigid and Deforming, not Outline", {"obstacles": (touching.wedge(2),)}),
+        ("Contact.obstacles holds Plane, Rigid and Deforming, not Outline", {"obstacles": (touching.wedge(2),)}),
+        ("Contact.obstacles must be a tuple, as (Plane(", {"obstacles": Plane((0, 0), (0, 1))}),
+        ("body 'body 1': the contact distance dhat = 1 m is larger than the body", {"barrier": Barrier(dhat=1.0)}),
         ("obstacle 'plane' is 3D, the mesh is 2D", {"obstacles": (Plane((0, 0, 0), (0, 0, 1)),)}),
         ("obstacle 'ball' is 3D, the mesh is 2D", {"obstacles": (Rigid(touching.wedge(3), name="ball"),)}),
         (
@@ -222,20 +236,40 @@ def test_bad_calls_are_refused_in_one_line():
         (lambda: contact.begin_step(u.x.array, 0.0, 0.1), "a dolfinx Function or a PETSc Vec, not ndarray"),
         (lambda: contact.begin_step(fem.Function(touching.space(2)), 0.0, 0.1), "the function space has 32"),
         (lambda: contact.begin_step(PETSc.Vec().createSeq(3), 0.0, 0.1), "3 values on this rank"),
+        (lambda: contact.begin_step(u, 0.0, 0.1), None),
+        (lambda: contact.force(u, "floor"), r"force: there is no obstacle 'floor'; there are \['ground'\]"),
+        (lambda: contact.follow(u, 5.0, None, u), "follow: 5 s is outside of the step from 0 to 0.1 s"),
+        (lambda: contact.follow(u, "now", None, u), "follow: until = 'now' is not a finite number"),
     ):
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(InputError, match=message) if message else nullcontext():
             call()
 
 
 def test_a_start_with_intersections_is_refused():
-    V, contact = block_on_ground(0.3, below=-0.1)
-    with pytest.raises(IntersectionError, match="4 vertices lie at or behind planes at t = 0 s"):
-        contact.begin_step(fem.Function(V), 0.0, 0.1)
+    V, contact = block_on_ground(0.3)
+    u, sunk = fem.Function(V), fem.Function(V)
+    sunk.x.array[1::2] = -0.1
+    behind = "^4 vertices are at or below plane 'ground' at u, the worst vertex . of body 'body' by 0.095 m"
+    with pytest.raises(IntersectionError, match=behind):
+        contact.begin_step(sunk, 0.0, 0.1)
+    contact.begin_step(u, 0.0, 0.1)
+    assert contact.energy(sunk) == np.inf
+    later = (contact.gradient, contact.hessian, contact.update_lag, lambda of: contact.begin_step(of, 0.1, 0.2))
+    for call in (*later, lambda of: contact.follow(of, 0.1, None, u), lambda of: contact.force(of, "ground")):
+        with pytest.raises(IntersectionError, match=behind):
+            call(sunk)
+    assert np.isfinite(contact.gradient(u).norm())
     for dim in (2, 3):
         V = touching.space(dim)
-        with pytest.raises(IntersectionError, match="surfaces cross") as caught:
-            touching.contact(V, obstacles=(), friction=None).begin_step(touching.displaced(V, -0.5), 0.0, 0.1)
-        assert caught.value.pairs
+        ahead, within = Placement(0.1 * np.eye(dim)[0]), Placement(np.full(dim, 0.5), scale=0.1)
+        for size, obstacles, message in (
+            (-0.5, (), "^body 'body 1' crosses itself at u .*; repair the shape"),
+            (0.0, touching.obstacles(dim, placement=ahead), "'wedge'.* at u.*; move them apart"),
+            (0.0, touching.obstacles(dim, placement=within), "obstacle 'wedge' lies inside body 'body 1' at u"),
+        ):
+            with pytest.raises(IntersectionError, match=message) as caught:
+                touching.contact(V, obstacles=obstacles, friction=None).begin_step(touching.displaced(V, size), 0.0, 1)
+            assert caught.value.pairs
 
 
 # ---- ranks, and the demo

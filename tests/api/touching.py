@@ -40,15 +40,19 @@ def wedge(dim: int):
     return Surface(corners, np.array(sides, dtype=np.int32))
 
 
-def contact(V, **changed) -> pdvol.Contact:
-    """Barrier and friction of the two blocks, the ground 0.03 below, and the wedge."""
-    dim = V.mesh.geometry.dim
+def obstacles(dim: int, **placed):
+    """The ground 0.03 below, and the wedge."""
     ground = pdvol.Plane((0.0,) * (dim - 1) + (-0.03,), (0.0,) * (dim - 1) + (1.0,), name="ground")
+    return ground, pdvol.Rigid(wedge(dim), name="wedge", **placed)
+
+
+def contact(V, **changed) -> pdvol.Contact:
+    """Barrier and friction of the two blocks with each other and the obstacles."""
     given = {
         "young": 1e5,
         "barrier": pdvol.Barrier(dhat=DHAT),
         "friction": pdvol.Friction(0.4, pairs={("body 1", "wedge"): 0.8, ("body 2", "body 1"): 0.2}),
-        "obstacles": (ground, pdvol.Rigid(wedge(dim), name="wedge")),
+        "obstacles": obstacles(V.mesh.geometry.dim),
     }
     return pdvol.Contact(V, **{**given, **changed})
 
@@ -81,6 +85,7 @@ def found(dim: int, comm) -> dict:
         "energy": touching.energy(u),
         "gradient": whole(touching.gradient(u)),
         "product": whole(product),
+        "forces": [touching.force(u, name) for name in ("ground", "wedge")],
         "max_step": touching.max_step(u, far),
         "min_gap": touching.min_gap(u),
         "count": touching.count(u),

@@ -47,6 +47,7 @@ class Contacts:
         The derivatives of those weights that change with the positions, by the positions of a contact's four vertices:
         the first ones, and the blocks on or right of the diagonal of the second ones.
     d : dimension
+    of_bodies : number of the surface's vertices that are of bodies
 
     Attributes
     ----------
@@ -62,7 +63,7 @@ class Contacts:
         of it.
     half_spaces : how many contacts are with planes; these are the first
     energy : [J], of those that count here
-    gradient : (n, d) [N], by the surface's vertices
+    gradient : (n, d) [N], by the surface's vertices; by obstacles' of the contacts that count here, so ranks add up
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Contacts:
         contacts: np.ndarray,
         fades: np.ndarray,
         d: int,
+        of_bodies: int,
         half_spaces: int = 0,
         energy: float = 0.0,
         gradient: np.ndarray | None = None,
@@ -84,6 +86,7 @@ class Contacts:
         self.weights, self.pressures, self.counted = contacts["weight"], contacts["pressure"], contacts["counted"]
         self.c = ffi.new("contacts_t *")
         self.c.count, self.c.faded, self.c.half_spaces = len(contacts), len(fades), half_spaces
+        self.c.of_bodies = of_bodies
         self.c.contacts, self.c.fades = pointer(contacts, "contact_t"), pointer(fades, "fade_t")
 
     def __len__(self) -> int:
@@ -123,7 +126,8 @@ class Candidates:
         self.surface, self.primitives, self.dhat = surface, surface.primitives, dhat
         self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
         self._c_lists = ffi.new("pairs_t *[]", [pairs.pairs.c for pairs in self.lists])
-        self._buffers = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
+        self._of = surface.space.dim, len(surface.surface)
+        self._buffers = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), *self._of)
         self._meetings = np.empty(256, MEETING)
         self._reach = np.full(len(surface.objects), np.inf)  # planes, behind all else, have no edges
         self._reach[: len(self.primitives.objects)] = self.primitives.edge_lengths[self.primitives.objects]
@@ -155,8 +159,8 @@ class Candidates:
             count, faded, half_spaces = counts.tolist()
             if count <= self._buffers.c.count and faded <= self._buffers.c.faded:
                 found = self._buffers.contacts[:count].copy(), self._buffers.fades[:faded].copy()
-                return Contacts(*found, vertices.shape[1], half_spaces, energy[0], gradient)
-            self._buffers = Contacts(np.empty(2 * count, CONTACT), np.empty(2 * faded + 256, FADE), vertices.shape[1])
+                return Contacts(*found, *self._of, half_spaces, energy[0], gradient)
+            self._buffers = Contacts(np.empty(2 * count, CONTACT), np.empty(2 * faded + 256, FADE), *self._of)
 
     def meetings(self, start: np.ndarray, end: np.ndarray, gap_share: float = LEAST_LEFT) -> np.ndarray:
         """(k,) of MEETING: the pairs that would keep less than the share `gap_share` of their gap, or of dhat, on the

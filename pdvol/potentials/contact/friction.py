@@ -89,15 +89,15 @@ class LaggedFriction(Term):
         of = self.contacts.c, self._c, pointer(vertices), predicted, pointer(gradient)
         return library[self.space.dim].friction_sum(*of), gradient
 
-    def _found_at(self, x: Positions) -> tuple[float, np.ndarray]:
-        """The energy and its gradient, found once for each state."""
+    def found_at(self, x: Positions) -> tuple[float, np.ndarray]:
+        """The energy and its gradient (n, d) by the surface's vertices, found once for each state."""
         return x.get((self, "sum"), lambda: self._sum(x), (self._version, self.surface.version))
 
     def value(self, x: Positions) -> float:
-        return self.space.reduce(self._found_at(x)[0]) if self.has_friction else 0.0
+        return self.space.reduce(self.found_at(x)[0]) if self.has_friction else 0.0
 
     def gradient(self, x: Positions) -> np.ndarray:
-        return self.surface.rows_of(self._found_at(x)[1]) if self.has_friction else np.zeros_like(x.owned)
+        return self.surface.rows_of(self.found_at(x)[1]) if self.has_friction else np.zeros_like(x.owned)
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not self.has_friction:
