@@ -4,7 +4,7 @@ one that keeps the cells of smoothed elements from inverting, and one per muscle
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import reduce
+from functools import reduce, wraps
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -24,6 +24,7 @@ from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
+from pdvol.scene import Material
 
 TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the square root of round-off
 
@@ -179,6 +180,22 @@ def _lame(materials: CellMaterials) -> dict[str, np.ndarray]:
     return {name: reduce(np.add, (values[name] for values in materials.values)) for name in ("mu", "lmbda")}
 
 
+def _by_components(law: type[Material], values: Values) -> tuple[Density, Values]:
+    """A law's density, and the parameters (m,) of cells: those that are vectors are given by their components. The
+    law's psi takes UFL vectors with as many entries as F has rows, which for stresses in 2D are three.
+    """
+    vectors = {name: [f"{name}[{i}]" for i in range(v.shape[1])] for name, v in values.items() if v.ndim > 1}
+    flat = {name: v for name, v in values.items() if v.ndim == 1}
+    flat |= {part: v for name, parts in vectors.items() for part, v in zip(parts, values[name].T, strict=True)}
+
+    @wraps(law.psi)
+    def psi(F: Any, **given: Any) -> Any:
+        vector = lambda parts: [given.pop(part) for part in parts] + [0.0] * (F.ufl_shape[0] - len(parts))
+        return law.psi(F, **{name: ufl.as_vector(vector(parts)) for name, parts in vectors.items()}, **given)
+
+    return Density(psi, material=law.__name__), flat
+
+
 def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEnergy, ...]:
     """One term per law that occurs, one that guards the cells of smoothed elements if there are any, and one for all
     damping if there is any.
@@ -187,7 +204,7 @@ def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEner
     terms: list[CellEnergy] = []
     for number, (law, values) in enumerate(zip(materials.laws, materials.values, strict=True)):
         domains = Domains(space, materials.law == number, materials.smoothing)
-        terms.append(Elastic(space, Density(law.psi, material=law.__name__), values, domains, shares))
+        terms.append(Elastic(space, *_by_components(law, values), domains, shares))
     if (materials.smoothing >= 0).any():
         terms.append(CellGuard(space, materials, shares))
     if materials.damping.any():
