@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
+from scipy.linalg import expm
 
 from pdvol.compiled import pointer
 from pdvol.errors import InputError
@@ -26,7 +28,7 @@ from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
 from pdvol.scene import Material
 
-TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the square root of round-off
+TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the root of round-off; its square counts as none
 
 Shares = Callable[[float], np.ndarray]
 """What gives values (m,) of the mesh's cells at a time [s]."""
@@ -62,19 +64,34 @@ class Elastic(CellEnergy):
         self.set_time(t1)
 
     def _require_stable(self, material: str) -> None:
-        """Raises InputError where the energy of bodies at rest falls as they are stretched or sheared either way: no
-        step would have a minimum. Collective.
+        """Raises InputError where the energy of bodies at rest, or its slope, is not finite, and where a cell's energy
+        falls under a small strain of either sign, and on and on as that grows: no step would have a minimum. Of many
+        cells a thousand are tried, and those with the extremes of parameters. Collective.
         """
-        rest = self.space.mesh.points
-        energy = lambda A: self.value(Positions(self.space, self.space.from_input(rest + rest @ A)))
-        axes, still = np.eye(self.space.dim), energy(np.zeros((self.space.dim,) * 2))
-        pairs = combinations_with_replacement(range(self.space.dim), 2)
-        strains = [0.5 * TRIED_STRAIN * (np.outer(axes[i], axes[j]) + np.outer(axes[j], axes[i])) for i, j in pairs]
-        bends = [energy(strain) - 2.0 * still + energy(-strain) for strain in strains]
-        if max(bends) <= 0.0 and min(bends) < 0.0:
+        d, P, at, found = self.space.dim, self._density.parameters(), self._density.c.at, ""
+        tried = {*range(0, len(P), 1 + len(P) // 1000), *P.argmin(axis=0), *P.argmax(axis=0)} if len(P) else ()
+        P, axes = P[sorted(tried)], np.eye(d)
+        in_cells = lambda F: np.hstack([P[:, :at], np.tile(F.ravel(), (len(P), 1)), P[:, at:]])
+        energy = lambda strain: self._density.evaluate(in_cells(expm(strain)))[:, 0]
+        bend = lambda strain: energy(TRIED_STRAIN * strain) + energy(-TRIED_STRAIN * strain)
+        pairs = combinations_with_replacement(range(d), 2)
+        strains = np.array([np.outer(axes[i], axes[j]) + np.outer(axes[j], axes[i]) for i, j in pairs])
+        strains /= np.linalg.norm(strains, axis=(1, 2), keepdims=True)
+        Q = np.array([[bend(one + other) - bend(one - other) for one in strains] for other in strains]).T
+        slope = self.gradient(Positions(self.space, self.space.from_input(self.space.mesh.points)))
+        if not self.space.reduce(bool(np.isfinite(Q).all() and np.isfinite(slope).all()), MPI.LAND):
+            raise InputError(f"{material}.psi, or its derivative by F, is NaN or infinite at or near F = I")
+        sizes, modes = np.linalg.eigh(Q)
+        if len(P) and (sizes[:, 0] < -(TRIED_STRAIN**2) * sizes[:, -1]).any():
+            cell = int(sizes[:, 0].argmin())
+            strain = np.tensordot(modes[cell, :, 0], strains, 1)
+            ways = [[energy(size * strain)[cell] for size in (0.0, sign, 2.0 * sign)] for sign in (1.0, -1.0)]
+            stretches, along = np.linalg.eigh(strain)
+            if any(one > two > three for one, two, three in ways):
+                found = ", ".join(f"{part:z.2f}" for part in along[:, np.abs(stretches).argmax()])
+        if worst := max(self.space.comm.allgather(found)):
             raise InputError(
-                f"{material}.psi has no minimum near F = I: it falls whichever way a body is stretched or sheared;"
-                " check the signs of its terms"
+                f"{material}.psi has no minimum near F = I: it falls on and on along ({worst}); check its terms' signs"
             )
 
     def max_step(

@@ -1,10 +1,12 @@
 """What new users do in their first hour: each has a line that helps, at once, and costs nothing that was there."""
 
+import re
 import signal
 import subprocess
 import sys
 import time
 from argparse import Namespace
+from contextlib import nullcontext
 
 import pytest
 
@@ -81,11 +83,27 @@ def test_an_interrupt_ends_the_meshers(scene, tmp_path, own_meshes):
     assert time.monotonic() - begin < 20.0 and not (tmp_path / "run").exists()
 
 
-def test_a_law_with_a_wrong_sign_is_refused(tmp_path):
-    for sign in ("", "2.0 * "):
-        list(march(load_shot(write(tmp_path / f"right{len(sign)}.py", LAW.format(sign=sign))).scene))
-    with pytest.raises(InputError, match=r"Law\.psi has no minimum near F = I"):
-        next(march(load_shot(write(tmp_path / "wrong.py", LAW.format(sign="-"))).scene))
+FIBRE = "mu * (F[0, 0] ** 2 + F[1, 0] ** 2 - 1) ** 2 + "
+
+
+def test_a_law_that_has_no_minimum_or_fails_is_refused(tmp_path, capsys):
+    for number, (sign, said) in enumerate(
+        [
+            ("", ""),
+            ("2.0 * ", ""),
+            (f"-0.1 * {FIBRE}", ""),  # falls in large stretches alone
+            ("-", "Law.psi has no minimum near F = I: it falls on and on along ("),
+            (f"-2.0 * {FIBRE}", "Law.psi has no minimum near F = I: it falls on and on along ("),
+            ("(F[0, 0] - 1) ** 0.5 + ", "Law.psi, or its derivative by F, is NaN or infinite at or near F = I"),
+            ("mu * nothing + ", "body 'square': Law.psi(F, mu, lmbda) failed: NameError: "),
+        ]
+    ):
+        scene = write(tmp_path / f"law{number}.py", LAW.format(sign=sign))
+        assert pdvol("check", scene) == 2 * bool(said)
+        printed = capsys.readouterr().out
+        assert f": {said}" in printed and "at rest" not in printed
+        with pytest.raises(InputError, match=re.escape(said)) if said else nullcontext():
+            list(march(load_shot(scene).scene))
 
 
 def test_a_stress_at_rest_and_an_unusual_size_are_noted(tmp_path, capsys):
