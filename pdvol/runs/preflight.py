@@ -26,7 +26,7 @@ from pdvol.levels.binding import ISLAND, bind
 from pdvol.levels.function_check import call_functions
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import Defect, buried, smallest_gap
-from pdvol.levels.level_check import cells_through, level_defects, level_notes
+from pdvol.levels.level_check import cells_through, level_defects, level_notes, weight_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -104,6 +104,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young
         result["stiffness_ratio"] = float(young.max() / young.min())
+        notes += weight_notes(scene, meshes[0])
     with suppress(InputError):
         result["supports"] = [_held(scene, support, meshes) for support in scene.supports]
     notes += _support_notes(result["supports"])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pdvol.errors import LevelError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.function_check import call_functions
-from pdvol.levels.level_check import level_defects
+from pdvol.levels.level_check import level_defects, weight_notes
 from pdvol.levels.obstacles import Geometry, placed_obstacles, read_geometry
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.runs.separation import build_apart
@@ -24,7 +24,7 @@ class Prepared:
     kept : how many of them are those of a stored run
     geometry : of the scene's obstacles
     diagonal : what relative lengths are fractions of [m]
-    mended : a line for each body that was set apart from others
+    mended : a line for each body that was set apart from others, or that cannot carry its weight
     refused : of the coarsest level without a mesh, if there is one; it and finer ones are left out
     """
 
@@ -71,4 +71,5 @@ def prepared_levels(
         with stage(f"checking level {level}"):
             for defect in level_defects(scene, meshes, level, obstacles, diagonal):
                 raise defect.error
+    mended += weight_notes(scene, meshes[0]) if len(stored) <= last else ()
     return Prepared(meshes, len(stored), geometry, diagonal, mended)

@@ -28,8 +28,10 @@ class Law(Material):
 
 def scene():
     square = Outline([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    return Scene((Body(square, Law(1e4), (12,), name="square"),), dt=0.01, steps=2)
+    down = Gravity((0.0, -9.5))
+    return Scene((Body(square, Law(1e4), (12,), name="square"),), loads=(down,), dt=0.01, steps=2)
 """
+HEAVY = "young = 1e+04 Pa cannot carry its weight, density * g * height = 9.5e+05 Pa; moduli are in Pa (1 MPa is 1e6)"
 UNIT = "lengths are metres: if its unit is another one"
 
 
@@ -110,7 +112,7 @@ def test_a_stress_at_rest_and_an_unusual_size_are_noted(tmp_path, capsys):
     for more, size, said in (
         ("", 1, []),
         ("2e3 * F[0, 0] + ", 1, ["Law has a stress of 2e+03 Pa at rest, which sets it in motion"]),
-        ("", 100, [f"141 m across; {UNIT}, Placement(scale=0.001) makes it 0.141 m"]),
+        ("", 100, [f"141 m across; {UNIT}, Placement(scale=0.001) makes it 0.141 m", HEAVY]),
     ):
         scene = write(tmp_path / "law.py", LAW.format(sign=more).replace("1.0", f"{size}.0"))
         assert pdvol("check", scene, "--measure", 0) == 0
