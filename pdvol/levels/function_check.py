@@ -17,8 +17,8 @@ from pdvol.meshing.readers import read_shape
 from pdvol.scene import Body, Flow, Keyed, PointCache, Scene, moved
 from pdvol.scene.checks import called, chosen, fits
 
-SCALARS, VECTORS = (), (-1,)
-"""Of functions of points (n, d): whether they give (n,) or (n, d)."""
+SCALARS, VECTORS, EITHER = (1,), (2,), (1, 2)
+"""Of functions of points (n, d): whether they give (n,) or (n, d), by the number of axes."""
 
 
 def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
@@ -36,7 +36,7 @@ def call_functions(scene: Scene, obstacles: Sequence[Obstacle]) -> None:
         for name, function, body_name, gives in _of_places(scene):
             if callable(function) and not isinstance(function, Keyed):
                 X = of(body_name)
-                called(name, function, (X.copy(),), X.shape if gives else X.shape[:1])
+                called(name, function, (X.copy(),), *(X.shape[:n] for n in gives))
         for muscle in scene.muscles:
             if callable(muscle.activation):
                 X = of(muscle.body)
@@ -70,8 +70,10 @@ def _of_places(scene: Scene) -> Iterator[tuple[str, Any, str, tuple]]:
         yield f"the start of body {body.name!r}", body.start, body.name, VECTORS
         yield f"body {body.name!r}: velocity", body.velocity, body.name, VECTORS
         for material in (body.material, *(region.material for region in body.regions)):
-            for field in fields(material):
-                yield f"{type(material).__name__}.{field.name}", getattr(material, field.name), body.name, SCALARS
+            own = material.own_parameters()
+            for name in (field.name for field in fields(material)):
+                gives = EITHER if name in own else SCALARS
+                yield f"{type(material).__name__}.{name}", getattr(material, name), body.name, gives
         for region in body.regions:
             yield "Region.where", region.where, body.name, SCALARS
     for load in scene.loads:

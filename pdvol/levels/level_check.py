@@ -12,10 +12,12 @@ from pdvol.geometry.flat_faces import unit_normals
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.levels.geodesic import vertex_adjacency
 from pdvol.levels.initial_state import Defect, find_defects
+from pdvol.levels.materials import cell_materials
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.script import Obstacle
 from pdvol.levels.start import start_notes, started
-from pdvol.scene import Barrier, Scene, metres
+from pdvol.scene import Barrier, Gravity, Scene, metres
+from pdvol.scene.loads import at_time
 
 MOST_TURN = np.pi
 """Turn [rad] in a step from which on it cannot be seen which way a body turns."""
@@ -64,6 +66,20 @@ def level_defects(
     if scene.contact:  # without contact bodies may cross
         begun = [started(scene, other, number) for number, other in enumerate(level_meshes)]
         yield from find_defects(level, begun[level], obstacles, [body.name for body in scene.bodies], begun)
+
+
+def weight_notes(scene: Scene, mesh: LevelMesh) -> Iterator[str]:
+    """A line for each body whose Young's modulus is below the pressure of its weight, at t = 0."""
+    loads = (load.acceleration for load in scene.loads if isinstance(load, Gravity))
+    pull = sum((at_time("gravity", load, 0.0, mesh.dim) for load in loads), np.zeros(mesh.dim))
+    materials, heights = cell_materials(scene, mesh), mesh.points @ pull
+    for number, body in enumerate(scene.bodies):
+        cells = mesh.bodies == number
+        young = materials.young[cells].max()
+        pressure = materials.density[cells].min() * np.ptp(heights[mesh.point_bodies == number])
+        if young < pressure:
+            weight = f"its weight, density * g * height = {pressure:.2g} Pa"
+            yield f"body {body.name!r}: young = {young:.2g} Pa cannot carry {weight}; moduli are in Pa (1 MPa is 1e6)"
 
 
 def level_notes(scene: Scene, mesh: LevelMesh, level: int, diagonal: float) -> list[str]:

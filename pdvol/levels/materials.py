@@ -25,7 +25,7 @@ class CellMaterials:
     ----------
     laws : the classes that occur
     law : (m,) int32, index into `laws`
-    values : for each law, its psi's parameters by name: arrays (m,), zero where another law holds
+    values : for each law, its psi's parameters by name: arrays (m,), of vectors (m, d), zero where another law holds
     young, density, damping : (m,) [Pa], [kg/m^d], [s]
     softest : the lowest Young's modulus [Pa] on the coarsest level, at any time
     smoothing : (m,) int32
@@ -80,9 +80,9 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
         ]
         smoothed += [scene.elements_of(body) == "smoothed"] * (1 + len(body.regions))
     laws = tuple(dict.fromkeys(type(material) for material, _ in parts))
-    zeros = lambda: np.zeros(len(mesh.cells))
-    law, fields = np.zeros(len(mesh.cells), dtype=np.int32), {name: zeros() for name in ("young", "density", "damping")}
-    values = tuple({name: zeros() for name in ("mu", "lmbda", *of.own_parameters())} for of in laws)
+    law = np.zeros(len(mesh.cells), dtype=np.int32)
+    fields = {name: np.zeros(len(mesh.cells)) for name in ("young", "density", "damping")}
+    values = tuple(dict[str, np.ndarray]() for _ in laws)
     keyed: list[tuple[Keyed, np.ndarray]] = []
     smoothing = np.full(len(mesh.cells), -1, dtype=np.int32)
     for part, (material, cells) in enumerate(parts):
@@ -90,9 +90,13 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
         found["mu"], found["lmbda"] = lame(found["young"], found["poisson"])
         law[cells], smoothing[cells] = number, part if smoothed[part] else -1
         keyed += [(follows, np.isin(np.arange(len(mesh.cells)), cells)) for follows in material.keyed if len(cells)]
-        for into in (fields, values[number]):
-            for name in into:
-                into[name][cells] = found[name]
+        for name, into in fields.items():
+            into[cells] = found[name]
+        for name in ("mu", "lmbda", *material.own_parameters()):
+            shape = len(mesh.cells), *found[name].shape[1:]
+            if (into := values[number].setdefault(name, np.zeros(shape))).shape != shape:
+                raise InputError(f"{laws[number].__name__}.{name} is a vector in one place, and a number in another")
+            into[cells] = found[name]
     softest = min([float(fields["young"].min()), *(min(follows.values) for follows, _ in keyed)])
     return CellMaterials(laws, law, values, **fields, softest=softest, smoothing=smoothing, keyed=tuple(keyed))
 
@@ -181,20 +185,21 @@ def level_muscles(scene: Scene, hierarchy: "Hierarchy", level: int) -> tuple[Cel
     return tuple(muscle.carried(origins) for muscle in coarsest)
 
 
-def check_laws(scene: Scene, dim: int) -> None:
+def check_laws(scene: Scene, dim: int, materials: CellMaterials) -> None:
     """Raise InputError unless every law's psi takes its parameters and gives one number."""
+    ones = ufl.as_vector([1.0] * dim)
     F = ufl.as_matrix(np.eye(dim) + np.diag(np.full(dim - 1, 0.1), 1) + 0.1 * np.eye(dim))
     for body in scene.bodies:
         for material in (body.material, *(region.material for region in body.regions)):
             law = type(material)
-            names = ("mu", "lmbda", *law.own_parameters())
+            values = materials.values[materials.laws.index(law)]
             try:
-                psi = ufl.as_ufl(law.psi(F, **dict.fromkeys(names, 1.0)))
+                psi = ufl.as_ufl(law.psi(F, **{k: 1.0 if v.ndim == 1 else ones for k, v in values.items()}))
             except InputError:
                 raise
             except Exception as error:
                 raise InputError(
-                    f"body {body.name!r}: {law.__name__}.psi(F, {', '.join(names)}) failed: {type(error).__name__}: "
+                    f"body {body.name!r}: {law.__name__}.psi(F, {', '.join(values)}) failed: {type(error).__name__}: "
                     f"{' '.join(str(error).split())}"
                 ) from error
             if psi.ufl_shape != ():

@@ -168,14 +168,13 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
         _check_load(scene, load, mesh, level)
     initial_velocity(scene, mesh, start)
     if level == 0:
-        check_laws(scene, mesh.dim)
+        check_laws(scene, mesh.dim, cell_materials(scene, mesh))
         cell_muscles(scene, mesh)
         if scene.attachments or scene.pulls or scene.hand:
             from pdvol.levels.attachments import Pulls, bound_springs  # it loads search trees and finite elements
 
             bound_springs(scene, mesh, start, mesh, start)
             Pulls(scene, mesh, mesh).check()
-        cell_materials(scene, mesh)
     for support in scene.supports:
         supported_points(scene, support, mesh, level, start)
 

@@ -4,12 +4,14 @@ one that keeps the cells of smoothed elements from inverting, and one per muscle
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import reduce
+from functools import reduce, wraps
 from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
+from scipy.linalg import expm
 
 from pdvol.compiled import pointer
 from pdvol.errors import InputError
@@ -24,8 +26,9 @@ from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
+from pdvol.scene import Material
 
-TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the square root of round-off
+TRIED_STRAIN = 1e-3  # of bodies at rest, without a unit: large beside the root of round-off; its square counts as none
 
 Shares = Callable[[float], np.ndarray]
 """What gives values (m,) of the mesh's cells at a time [s]."""
@@ -61,19 +64,34 @@ class Elastic(CellEnergy):
         self.set_time(t1)
 
     def _require_stable(self, material: str) -> None:
-        """Raises InputError where the energy of bodies at rest falls as they are stretched or sheared either way: no
-        step would have a minimum. Collective.
+        """Raises InputError where the energy of bodies at rest, or its slope, is not finite, and where a cell's energy
+        falls under a small strain of either sign, and on and on as that grows: no step would have a minimum. Of many
+        cells a thousand are tried, and those with the extremes of parameters. Collective.
         """
-        rest = self.space.mesh.points
-        energy = lambda A: self.value(Positions(self.space, self.space.from_input(rest + rest @ A)))
-        axes, still = np.eye(self.space.dim), energy(np.zeros((self.space.dim,) * 2))
-        pairs = combinations_with_replacement(range(self.space.dim), 2)
-        strains = [0.5 * TRIED_STRAIN * (np.outer(axes[i], axes[j]) + np.outer(axes[j], axes[i])) for i, j in pairs]
-        bends = [energy(strain) - 2.0 * still + energy(-strain) for strain in strains]
-        if max(bends) <= 0.0 and min(bends) < 0.0:
+        d, P, at, found = self.space.dim, self._density.parameters(), self._density.c.at, ""
+        tried = {*range(0, len(P), 1 + len(P) // 1000), *P.argmin(axis=0), *P.argmax(axis=0)} if len(P) else ()
+        P, axes = P[sorted(tried)], np.eye(d)
+        in_cells = lambda F: np.hstack([P[:, :at], np.tile(F.ravel(), (len(P), 1)), P[:, at:]])
+        energy = lambda strain: self._density.evaluate(in_cells(expm(strain)))[:, 0]
+        bend = lambda strain: energy(TRIED_STRAIN * strain) + energy(-TRIED_STRAIN * strain)
+        pairs = combinations_with_replacement(range(d), 2)
+        strains = np.array([np.outer(axes[i], axes[j]) + np.outer(axes[j], axes[i]) for i, j in pairs])
+        strains /= np.linalg.norm(strains, axis=(1, 2), keepdims=True)
+        Q = np.array([[bend(one + other) - bend(one - other) for one in strains] for other in strains]).T
+        slope = self.gradient(Positions(self.space, self.space.from_input(self.space.mesh.points)))
+        if not self.space.reduce(bool(np.isfinite(Q).all() and np.isfinite(slope).all()), MPI.LAND):
+            raise InputError(f"{material}.psi, or its derivative by F, is NaN or infinite at or near F = I")
+        sizes, modes = np.linalg.eigh(Q)
+        if len(P) and (sizes[:, 0] < -(TRIED_STRAIN**2) * sizes[:, -1]).any():
+            cell = int(sizes[:, 0].argmin())
+            strain = np.tensordot(modes[cell, :, 0], strains, 1)
+            ways = [[energy(size * strain)[cell] for size in (0.0, sign, 2.0 * sign)] for sign in (1.0, -1.0)]
+            stretches, along = np.linalg.eigh(strain)
+            if any(one > two > three for one, two, three in ways):
+                found = ", ".join(f"{part:z.2f}" for part in along[:, np.abs(stretches).argmax()])
+        if worst := max(self.space.comm.allgather(found)):
             raise InputError(
-                f"{material}.psi has no minimum near F = I: it falls whichever way a body is stretched or sheared;"
-                " check the signs of its terms"
+                f"{material}.psi has no minimum near F = I: it falls on and on along ({worst}); check its terms' signs"
             )
 
     def max_step(
@@ -179,6 +197,22 @@ def _lame(materials: CellMaterials) -> dict[str, np.ndarray]:
     return {name: reduce(np.add, (values[name] for values in materials.values)) for name in ("mu", "lmbda")}
 
 
+def _by_components(law: type[Material], values: Values) -> tuple[Density, Values]:
+    """A law's density, and the parameters (m,) of cells: those that are vectors are given by their components. The
+    law's psi takes UFL vectors with as many entries as F has rows, which for stresses in 2D are three.
+    """
+    vectors = {name: [f"{name}[{i}]" for i in range(v.shape[1])] for name, v in values.items() if v.ndim > 1}
+    flat = {name: v for name, v in values.items() if v.ndim == 1}
+    flat |= {part: v for name, parts in vectors.items() for part, v in zip(parts, values[name].T, strict=True)}
+
+    @wraps(law.psi)
+    def psi(F: Any, **given: Any) -> Any:
+        vector = lambda parts: [given.pop(part) for part in parts] + [0.0] * (F.ufl_shape[0] - len(parts))
+        return law.psi(F, **{name: ufl.as_vector(vector(parts)) for name, parts in vectors.items()}, **given)
+
+    return Density(psi, material=law.__name__), flat
+
+
 def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEnergy, ...]:
     """One term per law that occurs, one that guards the cells of smoothed elements if there are any, and one for all
     damping if there is any.
@@ -187,7 +221,7 @@ def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEner
     terms: list[CellEnergy] = []
     for number, (law, values) in enumerate(zip(materials.laws, materials.values, strict=True)):
         domains = Domains(space, materials.law == number, materials.smoothing)
-        terms.append(Elastic(space, Density(law.psi, material=law.__name__), values, domains, shares))
+        terms.append(Elastic(space, *_by_components(law, values), domains, shares))
     if (materials.smoothing >= 0).any():
         terms.append(CellGuard(space, materials, shares))
     if materials.damping.any():

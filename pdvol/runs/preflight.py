@@ -26,7 +26,7 @@ from pdvol.levels.binding import ISLAND, bind
 from pdvol.levels.function_check import call_functions
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import Defect, buried, smallest_gap
-from pdvol.levels.level_check import cells_through, level_defects, level_notes
+from pdvol.levels.level_check import cells_through, level_defects, level_notes, weight_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -52,6 +52,7 @@ from pdvol.stages import say, stage
 SAME_AREA = 1.1
 """Ratio of the areas that a support holds on two levels up to which they are the same part of the shape."""
 NO_STRESS = 1e-9  # of Young's modulus: stresses at rest below it are round-off
+LONGEST_STEP = 60.0  # s: of the steps that estimate costs; a law without a minimum never ends one
 GAP_RANGE = 10.0  # multiples of dhat: larger gaps do not touch in the first steps and are not searched for
 HIGH_STIFFNESS_RATIO = 1e4  # of Young's moduli: above it the iterative linear solver may fail
 COST_EXPONENT = 1.05  # of the vertices, fitted to benchmarks of 4,000 to 100,000 vertices
@@ -103,7 +104,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young
         result["stiffness_ratio"] = float(young.max() / young.min())
-        notes += _stress_notes(scene, meshes[0])
+        notes += weight_notes(scene, meshes[0])
     with suppress(InputError):
         result["supports"] = [_held(scene, support, meshes) for support in scene.supports]
     notes += _support_notes(result["supports"])
@@ -121,9 +122,14 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         defects.append(found)
     if out is not None:
         _write_levels(out, scene, meshes, defects)
-    if not result["defects"] and seconds > 0 and scene.steps:
-        with stage("estimating costs from level 0"):
-            _estimate_costs(result, scene, meshes, obstacles, diagonal, seconds)
+    if not result["defects"]:
+        try:
+            notes += _stress_notes(scene, meshes[0])
+            if seconds > 0 and scene.steps:
+                with stage("estimating costs from level 0"):
+                    _estimate_costs(result, scene, meshes, obstacles, diagonal, seconds)
+        except InputError as error:
+            result["defects"].append(f"defect: {error}")
     result["sound"] = not result["defects"]
     notes += _result_notes(result)
     return {**result, "notes": [f"note: {line}" for line in notes]}
@@ -289,8 +295,13 @@ def _estimate_costs(
     mesh, dim = meshes[0], meshes[0].dim
     hierarchy = Hierarchy([mesh], MPI.COMM_SELF)
     model = level_model(scene, hierarchy, 0, diagonal, obstacles)
-    stepper = Stepper(model, hierarchy[0])
     begin, spent, iterations = time.perf_counter(), [], []
+
+    def bound(state: dict) -> None:
+        if state["seconds"]["total"] > LONGEST_STEP:
+            raise TimeoutError(f"step {state['step']} of level 0 takes more than {LONGEST_STEP:g} s")
+
+    stepper = Stepper(model, hierarchy[0], show=bound)
     try:
         for report in direct(stepper, Start.at_rest(model.start, model.velocity), scene.steps):
             spent.append(report.seconds["total"])
@@ -300,6 +311,8 @@ def _estimate_costs(
                 break
     except SimulationError as error:
         result["defects"].append(f"defect: {error}")
+    except TimeoutError as error:
+        result["notes"].append(f"{error}; check the signs of the law's terms, or take a smaller dt")
     if not spent:
         return
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

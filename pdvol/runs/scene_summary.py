@@ -87,7 +87,8 @@ def _contact(scene: Scene, diagonal: float) -> list[str]:
 
 
 def _material(material: Material) -> str:
-    number = lambda value: "by time" if isinstance(value, Keyed) else "by position" if callable(value) else f"{value:g}"
+    plain = lambda value: " ".join(f"{part:g}" for part in (value if isinstance(value, tuple) else (value,)))
+    number = lambda value: "by time" if isinstance(value, Keyed) else "by position" if callable(value) else plain(value)
     damping = f", damping {number(material.damping)} s" if callable(material.damping) or material.damping else ""
     extra = "".join(f", {name} {number(getattr(material, name))}" for name in material.own_parameters())
     return (

@@ -188,13 +188,14 @@ def near(name: str, place: np.ndarray, points: np.ndarray, whose: str) -> None:
     )
 
 
-def called(name: str, function: Callable, arguments: tuple, shape: tuple[int, ...]) -> np.ndarray:
-    """The result of a user's function, which must be an array of this shape."""
+def called(name: str, function: Callable, arguments: tuple, *shapes: tuple[int, ...]) -> np.ndarray:
+    """The result of a user's function, which must be an array of one of these shapes."""
     try:
         result = np.asarray(function(*arguments))
     except Exception as error:
         raise InputError(f"{name} failed: {type(error).__name__}: {' '.join(str(error).split())}") from error
-    require(result.shape == shape, f"{name} must give an array of shape {shape}, not {result.shape}")
+    wanted = " or ".join(map(str, shapes))
+    require(result.shape in shapes, f"{name} must give an array of shape {wanted}, not {result.shape}")
     return result
 
 

@@ -6,10 +6,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from ufl.core.expr import Expr
 
 from pdvol.errors import InputError
 from pdvol.forms import elasticity
-from pdvol.scene.checks import Check, called, finite, instance, plain, positive, require, takes
+from pdvol.scene.checks import Check, called, finite, instance, plain, positive, require, takes, vector
 from pdvol.scene.element import Element
 from pdvol.scene.values import Keyed, timed
 
@@ -23,12 +24,17 @@ def _poisson(name: str, value: float) -> None:
     require(-1.0 < value < 0.5, f"{name} = {value!r} must lie between -1 and 0.5 (0.499 is the stiffest in use)")
 
 
+def _own(name: str, value: Any) -> None:
+    """A number or a vector."""
+    vector(name, value) if isinstance(value, tuple) else finite(name, value)
+
+
 LIMITS: dict[str, Check] = {
     **dict.fromkeys(("young", "density"), partial(positive, highest=MOST)),
     "poisson": _poisson,
     "damping": partial(finite, lowest=0.0),
 }
-"""The checks of a material's numbers; of other laws' own parameters that they are finite."""
+"""The checks of a material's numbers; other fields are those that a law adds."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,7 +42,7 @@ class Material(Element):
     """Hyperelastic material; a law overrides `psi`. Fields that a law adds are parameters of its psi, by name.
 
     Each field is a number, or a function of rest positions (n, d) [m] giving (n,): evaluated on the coarsest level,
-    once a cell.
+    once a cell. Those that a law adds may be vectors (d,), or functions giving (n, d): psi takes UFL vectors.
 
     Attributes
     ----------
@@ -55,7 +61,8 @@ class Material(Element):
         for field in fields(self):
             label, value = self._named(field.name), plain(getattr(self, field.name))
             object.__setattr__(self, field.name, value)
-            timed(LIMITS.get(field.name, finite), "X")(label, value)
+            require(not isinstance(value, Expr), f"{label} is UFL; give numbers, as (1.0, 0.0), or a function of X")
+            timed(LIMITS.get(field.name, _own), "X")(label, value)
             if isinstance(value, Keyed):
                 require(field.name == "young", f"{label} cannot be Keyed; young can")
                 LIMITS["young"](f"{label}, its lowest key,", min(value.values))
@@ -83,18 +90,22 @@ class Material(Element):
         return (self.young,) if isinstance(self.young, Keyed) else ()
 
     def at(self, points: np.ndarray) -> dict[str, np.ndarray]:
-        """All fields at rest positions (n, d) and t = 0, each (n,). Raises InputError where a function fails or gives
-        a value out of range.
+        """All fields at rest positions (n, d) and t = 0, each (n,), vectors (n, d). Raises InputError where a function
+        fails or gives a value out of range.
         """
         values = {}
         for field in fields(self):
             given, label = getattr(self, field.name), self._named(field.name)
             if callable(given) and not isinstance(given, Keyed):
-                found = called(label, given, (points,), (len(points),)).astype(float)
+                axes = (1,) if field.name in LIMITS else (1, 2)
+                found = called(label, given, (points,), *(points.shape[:n] for n in axes)).astype(float)
                 for worst in (found.min(), found.max()) if len(points) else ():
                     LIMITS.get(field.name, finite)(label, float(worst))
             else:
-                found = np.full(len(points), float(given(0.0) if isinstance(given, Keyed) else given))
+                value = given(0.0) if isinstance(given, Keyed) else given
+                d, shape = points.shape[1], np.shape(value)
+                require(shape in ((), (d,)), f"{label} = {value!r} must have {d} components")
+                found = np.full((len(points), *shape), value, dtype=float)
             values[field.name] = found
         return values
 

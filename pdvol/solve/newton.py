@@ -41,6 +41,7 @@ from pdvol.solve.report import NewtonReport
 # predictions of contact and friction at most, for one direction: two serve most, each is a linear solve, and where many
 # bodies meet, six gain nothing over four
 PREDICTIONS = 4
+LONGEST_DIRECTION = 1e4  # sizes of all bodies together: what is longer, as of a law without a minimum, predicts nothing
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 _NAN = next(value for value, name in _REASONS.items() if "NAN" in name)  # PETSc 3.25 has it by another name
@@ -273,8 +274,9 @@ class Newton:
         the potential ends lower than by as much of the new step as can be taken.
         """
         raw = before = direction = self._direction(step)
-        share = 1.0
-        for number in range(PREDICTIONS if self.potential.contacts else 0):
+        share, far = 1.0, LONGEST_DIRECTION * np.linalg.norm(np.ptp(self.space.mesh.points, axis=0))
+        predicts = self.potential.contacts and self._speed(raw) * self._dt < far
+        for number in range(PREDICTIONS if predicts else 0):
             first, last = number == 0, number + 1 == PREDICTIONS
             change = self.potential.predict(x, direction, first, last)
             if change is None:

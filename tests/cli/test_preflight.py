@@ -215,7 +215,7 @@ def test_the_estimate_is_within_a_factor_of_three(tmp_path, monkeypatch):
     assert found["measured"]["steps"] == 20 and found["measured"]["newton_iterations"] > 1
 
 
-def test_measuring_ends_in_time_and_says_what_cannot_go_on(tmp_path):
+def test_measuring_ends_in_time_and_says_what_cannot_go_on(tmp_path, monkeypatch):
     found = lambda seconds, **changed: preflight.check_scene(load_shot(tmp_path / "fall.py", changed).scene, seconds)
     write(tmp_path / "fall.py", FALL)
     long = found(0.2, sizes=(8, 9), steps=100_000)
@@ -224,3 +224,7 @@ def test_measuring_ends_in_time_and_says_what_cannot_go_on(tmp_path):
     assert "measured" not in found(0.0)
     stopped = found(5.0, max_iterations=1, max_halvings=0)
     assert [line[:22] for line in stopped["defects"]] == ["defect: level 0, step "] and not stopped["sound"]
+    monkeypatch.setattr(preflight, "LONGEST_STEP", -1.0)
+    monkeypatch.setattr("pdvol.integrate.long_step.SHOWN_AFTER", -1.0)
+    late = found(5.0)
+    assert "measured" not in late and "note: step 1 of level 0 takes more than -1 s" in late["notes"][0]

@@ -1,10 +1,12 @@
 """What new users do in their first hour: each has a line that helps, at once, and costs nothing that was there."""
 
+import re
 import signal
 import subprocess
 import sys
 import time
 from argparse import Namespace
+from contextlib import nullcontext
 
 import pytest
 
@@ -26,8 +28,10 @@ class Law(Material):
 
 def scene():
     square = Outline([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    return Scene((Body(square, Law(1e4), (12,), name="square"),), dt=0.01, steps=2)
+    down = Gravity((0.0, -9.5))
+    return Scene((Body(square, Law(1e4), (12,), name="square"),), loads=(down,), dt=0.01, steps=2)
 """
+HEAVY = "young = 1e+04 Pa cannot carry its weight, density * g * height = 9.5e+05 Pa; moduli are in Pa (1 MPa is 1e6)"
 UNIT = (
     "lengths are metres: Placement(scale=0.001) of millimetres makes it 0.141 m, Placement(scale=0.01) of centimetres"
 )
@@ -83,18 +87,34 @@ def test_an_interrupt_ends_the_meshers(scene, tmp_path, own_meshes):
     assert time.monotonic() - begin < 20.0 and not (tmp_path / "run").exists()
 
 
-def test_a_law_with_a_wrong_sign_is_refused(tmp_path):
-    for sign in ("", "2.0 * "):
-        list(march(load_shot(write(tmp_path / f"right{len(sign)}.py", LAW.format(sign=sign))).scene))
-    with pytest.raises(InputError, match=r"Law\.psi has no minimum near F = I"):
-        next(march(load_shot(write(tmp_path / "wrong.py", LAW.format(sign="-"))).scene))
+FIBRE = "mu * (F[0, 0] ** 2 + F[1, 0] ** 2 - 1) ** 2 + "
+
+
+def test_a_law_that_has_no_minimum_or_fails_is_refused(tmp_path, capsys):
+    for number, (sign, said) in enumerate(
+        [
+            ("", ""),
+            ("2.0 * ", ""),
+            (f"-0.1 * {FIBRE}", ""),  # falls in large stretches alone
+            ("-", "Law.psi has no minimum near F = I: it falls on and on along ("),
+            (f"-2.0 * {FIBRE}", "Law.psi has no minimum near F = I: it falls on and on along ("),
+            ("(F[0, 0] - 1) ** 0.5 + ", "Law.psi, or its derivative by F, is NaN or infinite at or near F = I"),
+            ("mu * nothing + ", "body 'square': Law.psi(F, mu, lmbda) failed: NameError: "),
+        ]
+    ):
+        scene = write(tmp_path / f"law{number}.py", LAW.format(sign=sign))
+        assert pdvol("check", scene) == 2 * bool(said)
+        printed = capsys.readouterr().out
+        assert f": {said}" in printed and "at rest" not in printed
+        with pytest.raises(InputError, match=re.escape(said)) if said else nullcontext():
+            list(march(load_shot(scene).scene))
 
 
 def test_a_stress_at_rest_and_an_unusual_size_are_noted(tmp_path, capsys):
     for more, size, said in (
         ("", 1, []),
         ("2e3 * F[0, 0] + ", 1, ["Law has a stress of 2e+03 Pa at rest, which sets it in motion"]),
-        ("", 100, [f"141 m across; {UNIT} makes it 1.41 m"]),
+        ("", 100, [f"141 m across; {UNIT} makes it 1.41 m", HEAVY]),
     ):
         scene = write(tmp_path / "law.py", LAW.format(sign=more).replace("1.0", f"{size}.0"))
         assert pdvol("check", scene, "--measure", 0) == 0

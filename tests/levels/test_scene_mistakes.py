@@ -1,7 +1,7 @@
 """Mistakes in the parts of a scene are named on one line, when they are made or when a level is checked."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -71,6 +71,15 @@ class Takes(Material):
     @staticmethod
     def psi(F, mu):
         return mu * ufl.tr(F)
+
+
+@dataclass(frozen=True)
+class Along(Material):
+    fibre: object = (1.0, 0.0)
+
+    @staticmethod
+    def psi(F, mu, lmbda, fibre):
+        return NeoHookean.psi(F, mu, lmbda) + fibre
 
 
 class Gives(Material):
@@ -162,6 +171,20 @@ MISTAKES = [
     ("material", lambda: NeoHookean(Keyed((0.0, 1.0), (1.0, np.nan))), "is not a finite number"),
     ("material", lambda: Takes(1.0), "psi"),
     ("material", lambda: Gives(1.0), "one number"),
+    ("material", lambda: Along(1.0, fibre=(1.0, 0.0, 0.0)), "Along.fibre = (1.0, 0.0, 0.0) must have 2 components"),
+    (
+        "material",
+        lambda: Along(1.0, fibre=lambda X: X[:, [0, 1, 0]]),
+        "an array of shape (8,) or (8, 2), not (8, 3)",
+    ),
+    ("material", lambda: Along(1.0, fibre=lambda X: np.nan * X), "finite"),
+    ("material", lambda: Along(1.0, fibre=(1.0, "a")), "Along.fibre = 'a' is not a finite number"),
+    (
+        "material",
+        lambda: Along(1.0, fibre=ufl.as_vector((1.0, 0.0))),
+        "Along.fibre is UFL; give numbers, as (1.0, ",
+    ),
+    ("material", lambda: Along(1.0), "Along.psi(F, mu, lmbda, fibre) failed"),
     ("material", lambda: Material(1.0), "must define psi"),
     ("regions", lambda: SOFT, "region"),
     ("regions", lambda: Region(2e5, right), "Region"),

@@ -255,6 +255,12 @@ def test_a_law_with_too_many_parameters_is_refused(cells):
         elastic(cells[3], many_parameters(70)(YOUNG, POISSON))
 
 
+def test_a_parameter_that_is_a_vector_in_one_body_alone_is_refused():
+    law = many_parameters(1)
+    with pytest.raises(InputError, match="^Many.p0 is a vector in one place, and a number in another$"):
+        cell_materials(make_scene((law(1.0), law(1.0, p0=(1.0, 0.0)))), together(box(2, 2), box(2, 1, 2.0, 3.0)))
+
+
 def test_fibres_that_act_in_large_stretches_alone_are_seen():
     """Near rest the density is isotropic to the last bit, and its Hessian far from there still has the fibre."""
     space = LevelSpace(box(3, 2, jitter=0.1), MPI.COMM_SELF)

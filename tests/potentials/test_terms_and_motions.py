@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 
 import pdvol
@@ -219,10 +220,11 @@ class Fibred(pdvol.Material):
     """A law of a user's own, which is not isotropic."""
 
     fibres: float = 5e3
+    along: object = lambda X: np.eye(X.shape[1])[0] + 0.3 * X  # a vector (n, d)
 
     @staticmethod
-    def psi(F, mu, lmbda, fibres):
-        stretched = sum(F[i, 0] ** 2 for i in range(F.ufl_shape[0]))
+    def psi(F, mu, lmbda, fibres, along):
+        stretched = ufl.inner(F * along, F * along)
         return pdvol.NeoHookean.psi(F, mu, lmbda) + fibres / 4 * (stretched - 1) ** 2
 
 
