@@ -41,8 +41,7 @@ def donut_render(radius: float = 0.3, tube: float = 0.13, segments: int = 256, a
             for v in np.meshgrid(np.arange(segments + 1) / segments, np.arange(around + 1) / around, indexing="ij")
         ]
     )
-    face_uvs = np.column_stack([p * (around + 1) + q for p, q in ends])
-    return RenderSurface.of(vertices, faces, places, face_uvs)
+    return RenderSurface.of(vertices, faces, places, np.column_stack([p * (around + 1) + q for p, q in ends]))
 
 
 def donut_texture(width: int = 1024, height: int = 512, sprinkles: int = 170, seed: int = 1) -> np.ndarray:

@@ -43,8 +43,7 @@ def deepest_inside(points: np.ndarray, corners: np.ndarray, triangles: np.ndarra
     near = points[((points >= low) & (points <= high)).all(axis=1)]
     if len(near) == 0:
         return 0.0
-    inside = near[_inside(near, corners, triangles)]
-    return float(distances_to(inside, corners, triangles).max(initial=0.0))
+    return float(distances_to(near[_inside(near, corners, triangles)], corners, triangles).max(initial=0.0))
 
 
 def hausdorff_distance(

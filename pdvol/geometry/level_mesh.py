@@ -171,8 +171,7 @@ def connected_parts(simplices: np.ndarray, count: int) -> np.ndarray:
     from scipy.sparse.csgraph import connected_components
 
     ends = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
-    graph = coo_array((np.ones(len(ends[0])), ends), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    return connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(count, count)), directed=False)[1]
 
 
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
@@ -208,8 +207,7 @@ def _sorted_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def principal_stretches(mesh: LevelMesh, positions: np.ndarray) -> np.ndarray:
     """(m, d): singular values of each cell's deformation gradient, descending; `positions` (n, d) [m]."""
-    gradients = np.einsum("mci,mcj->mij", positions[mesh.cells], mesh.hat_gradients)
-    return np.linalg.svd(gradients, compute_uv=False)
+    return np.linalg.svd(np.einsum("mci,mcj->mij", positions[mesh.cells], mesh.hat_gradients), compute_uv=False)
 
 
 def vertex_strain(mesh: LevelMesh, positions: np.ndarray) -> np.ndarray:

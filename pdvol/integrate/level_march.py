@@ -67,8 +67,7 @@ def level_march(
     level, steps, dt, hierarchy, method = model.level, model.steps, model.dt, lead.hierarchy, lead.method
     if method == "embedded" and level > 0:
         count = {"count": partial(_count_intersections, model)} if model.contact else {}
-        carrier = hierarchy.prolongation(level)
-        return embedded(carrier, lead.positions, level, start, steps, dt, integrator, **count)
+        return embedded(hierarchy.prolongation(level), lead.positions, level, start, steps, dt, integrator, **count)
     weight = model.penalty.of(method) if level > 0 else 0.0
     guides = (guide(weight, dt, hierarchy.prolongation(level), lead.positions),) if weight > 0.0 else ()
     feedback = level_feedback(model, hierarchy, method, lead.positions)

@@ -129,8 +129,7 @@ class Stepper:
 
     def _new_newton(self) -> Newton:
         iterated = (lambda x, iterations: None) if self._long is None else self._long.iterated
-        system = NewtonSystem(self.potential, self.motion.held, self.model.solver, self._coarse_weights)
-        return Newton(system, iterated)
+        return Newton(NewtonSystem(self.potential, self.motion.held, self.model.solver, self._coarse_weights), iterated)
 
     def go_on_from(self, record: Mapping, earlier: Sequence[Mapping] = ()) -> None:
         """Restores the solver's memory from a step's log record, so that the next step is the same as without an

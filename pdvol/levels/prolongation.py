@@ -48,8 +48,7 @@ class Prolongation:
         weights = self.weights()
         if min(weights.shape) < 8:
             return float(np.linalg.norm(weights.toarray(), 2))
-        start = np.ones(min(weights.shape))
-        return float(svds(weights, k=1, tol=1e-4, v0=start, return_singular_vectors=False)[0])
+        return float(svds(weights, k=1, tol=1e-4, v0=np.ones(min(weights.shape)), return_singular_vectors=False)[0])
 
     def report(self) -> dict:
         """The binding's report, and what bounds the growth of extrapolated motion (paper, appendix on negative

@@ -148,10 +148,9 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
 
 def motion_times(scene: Scene, support: Support | None = None) -> list[float]:
     """Times [s] of a scene at which its motions are tried; of a support's, while it holds."""
-    numbers = np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int))
     return [
         float(number * scene.dt)
-        for number in numbers
+        for number in np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int))
         if number == 0 or support is None or support.holds((number - 1) * scene.dt, scene.dt)
     ]
 

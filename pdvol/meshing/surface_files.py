@@ -37,8 +37,7 @@ def read_surface(path: Path) -> tuple[Surface, list[str]]:
     raises MeshError where it is unreadable, truncated, or holds no triangles.
     """
     suffix = path.suffix.lower()
-    readers = {".obj": read_obj, ".off": _off, ".stl": _stl, ".ply": read_ply}
-    points, triangles = first_that_reads(path, readers[suffix])
+    points, triangles = first_that_reads(path, {".obj": read_obj, ".off": _off, ".stl": _stl, ".ply": read_ply}[suffix])
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
     more = bytes_after_stl(path) if suffix == ".stl" else 0
@@ -135,8 +134,7 @@ def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
         if not len(found) == 3 * facets == 3 * ends:
             raise ValueError(f"{facets} facets begin, {ends} end, with {len(found)} corners")
         # A comma is the sign of decimals, or stands between two numbers.
-        rows = [[word.rstrip(",;").replace(",", ".") for word in row] for row in found]
-        corners = np.array(rows, dtype=np.float64)
+        corners = np.array([[word.rstrip(",;").replace(",", ".") for word in row] for row in found], dtype=np.float64)
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return points, index.reshape(-1, 3)
 

@@ -116,8 +116,7 @@ class IncrementalPotential:
         for rows in found[1:]:
             total = total + rows
         if not self.space.reduce(is_finite(total), MPI.LAND):
-            names = ("inertia", *(term.name for term in self.terms))
-            for name, rows in zip(names, found, strict=True):
+            for name, rows in zip(("inertia", *(term.name for term in self.terms)), found, strict=True):
                 self._require_finite(name, "gradient", rows, rows)
             raise SimulationError("the gradient is too large for double precision")
         self._gradient = total

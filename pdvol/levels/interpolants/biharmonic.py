@@ -195,8 +195,7 @@ def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: st
     them.
     """
     m = len(mesh.cells)
-    beside = mesh.inner_facets[0]
-    part = connected_parts(beside, m)
+    part = connected_parts(mesh.inner_facets[0], m)
     parts, homes = int(part.max()) + 1, part[back.cells]
     size = np.ptp(mesh.points, axis=0).max()
     for i in range(parts):
@@ -248,8 +247,7 @@ def make_local(
     """
     # Even if all m weights of a row are below this, their sum is a fifth of what may be dropped.
     noise = 0.2 * DROPPED / home.shape[1]
-    blocks = [sp.csc_matrix(np.where(np.abs(block) > noise, block, 0.0)) for block in columns]
-    weights = sp.hstack(blocks, format="csr")
+    weights = sp.hstack([sp.csc_matrix(np.where(np.abs(block) > noise, block, 0.0)) for block in columns], format="csr")
     return restore_affine(_with_pattern(_drop_small(weights, 0.8 * DROPPED), home), coarse, fine)
 
 
@@ -258,8 +256,7 @@ def _drop_small(weights: sp.csr_matrix, budget: float) -> sp.csr_matrix:
     row, size = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr)), np.abs(weights.data)
     smallest_kept = np.zeros(weights.shape[0])
     for threshold in _THRESHOLDS:
-        lost = np.bincount(row, size * (size < threshold), minlength=weights.shape[0])
-        smallest_kept[lost <= budget] = threshold
+        smallest_kept[np.bincount(row, size * (size < threshold), minlength=weights.shape[0]) <= budget] = threshold
     kept = size >= smallest_kept[row]
     indptr = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=weights.shape[0]))])
     return sp.csr_matrix((weights.data[kept], weights.indices[kept], indptr), shape=weights.shape)
