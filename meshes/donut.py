@@ -78,9 +78,7 @@ def donut_texture(width: int = 1024, height: int = 512, sprinkles: int = 170, se
 
 
 def _glazed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """1 where there is glaze, 0 where there is none, at angles along the ring and around the tube: the upper side, down
-    to a wavy rim.
-    """
+    """1 where there is glaze, 0 elsewhere, at angles along the ring and around the tube: on top, to a wavy rim."""
     edge = 0.12 + 0.13 * np.sin(7.0 * a) + 0.08 * np.sin(11.0 * a + 1.0) + 0.05 * np.sin(17.0 * a + 2.0)
     inner = np.pi - 0.05 - 0.12 * np.sin(5.0 * a + 0.5) - 0.07 * np.sin(9.0 * a + 2.0)
     step = lambda x: 0.5 * (1.0 + np.tanh(x / RIM))

@@ -9,9 +9,7 @@ from pdvol.geometry.crossings import counted_edges
 INSIDE_WINDING = 0.5
 """Winding number, whatever its sign, above which a point counts as inside: 0 outside of a closed surface, 1 inside."""
 SAMPLES = 50_000
-"""Points at which a boundary is sampled, at least: about a thousandth of a surface's diagonal apart, three ten
-thousandths of an outline's.
-"""
+"""Points at which a boundary is sampled, at least: about 1e-3 of a surface's diagonal apart, 3e-4 of an outline's."""
 
 
 def distances_to(points: np.ndarray, corners: np.ndarray, facets: np.ndarray) -> np.ndarray:

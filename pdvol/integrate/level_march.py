@@ -40,9 +40,7 @@ class Lead:
         return self.coarse(step)[0].positions
 
     def start(self, model: LevelModel) -> Start:
-        """A level begins where the scene says; an embedded level begins where the level below does, prolonged.
-        Collective.
-        """
+        """A level begins where the scene says; an embedded one where the level below does, prolonged. Collective."""
         begin = model.start
         if self.method == "embedded" and model.level > 0 and begin is not model.mesh.points:
             begin = self.hierarchy.prolongation(model.level).prolong(self.positions(0))

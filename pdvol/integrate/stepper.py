@@ -305,9 +305,7 @@ class Stepper:
     def _solve_lagged(
         self, report: StepReport, x: Positions, robust: bool, most: int, tolerance: float
     ) -> tuple[Positions, NewtonReport]:
-        """Newton solves from x, with friction lagged anew as long as that changes more than `tolerance`, `most` solves
-        at most.
-        """
+        """Newton solves from x, at most `most`, friction lagged anew while that changes more than `tolerance`."""
         lags, report.friction_residual = 1, None
         while True:
             x, solved = self.newton.solve(x, robust)

@@ -1,6 +1,4 @@
-"""The springs of a scene's attachments and pulls: chosen on the coarsest level, bound to the same material on every
-level.
-"""
+"""The springs of attachments and pulls: chosen on the coarsest level, bound to the same material on every level."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

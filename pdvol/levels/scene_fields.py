@@ -70,9 +70,7 @@ def _held_for_ever(scene: Scene, body: str, points: np.ndarray) -> bool:
 
 
 def way_up(scene: Scene, dim: int) -> list[float] | None:
-    """The upward direction of pictures: against the first gravity, at the first time at which it is not zero; None
-    where there is no such time.
-    """
+    """The upward direction of pictures: against the first gravity at the first time that has one; None without one."""
     gravity = next((load.acceleration for load in scene.loads if isinstance(load, Gravity)), dim * (0.0,))
     if isinstance(gravity, Keyed):
         times = [0.0, *gravity.times]

@@ -140,9 +140,7 @@ def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles, polygons cut. Whatever comes after the promised data is left out; MeshError where there
-    are fewer.
-    """
+    """Vertices and triangles, polygons cut. What follows the promised data is left out; MeshError if fewer."""
     data = path.read_bytes()
     end = data.index(b"end_header") + len(b"end_header")
     order, elements = "", list[tuple[str, int, list[tuple[str, ...]]]]()
@@ -213,9 +211,7 @@ def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangles_of(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles (k, 3), quadrilaterals and polygons cut, and the index of the cell block each comes from with its row
-    there.
-    """
+    """Triangles (k, 3), quadrilaterals and polygons cut; the index of the cell block of each, with its row there."""
     triangles, blocks, rows = [], [], []
     for b, block in enumerate(mesh.cells):
         data = np.asarray(block.data)

@@ -54,9 +54,7 @@ def run_summary(run: Run) -> list[str]:
 
 
 def binding_lines(hierarchy: "Hierarchy") -> list[str]:
-    """One line for each level but the coarsest: how its vertices are bound to the level below, and the size of the
-    weights. Collective.
-    """
+    """One line a finer level: how its vertices are bound to the level below, and the weights' size. Collective."""
     reports = {level: hierarchy.prolongation(level).report() for level in range(1, len(hierarchy))}
     return [
         f"levels {level - 1} -> {level}: {r['inside']:,} bound inside, {r['ray']:,} by ray, {r['neighbour']:,} by"

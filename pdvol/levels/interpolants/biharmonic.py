@@ -139,9 +139,7 @@ def biharmonic_columns(mesh: LevelMesh, back: Binding, points: np.ndarray, name:
 
 
 def _solve(system: sp.csr_matrix, n: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Rows 0 ... n - 1 of the columns n, n + 1, ... of the inverse of a symmetric indefinite matrix: (first column,
-    dense block (n, k)).
-    """
+    """Rows 0 ... n - 1 of columns n, n + 1, ... of a symmetric indefinite matrix's inverse: (column, block (n, k))."""
     size = system.shape[0]
     system.sort_indices()
     csr = (system.indptr.astype(PETSc.IntType), system.indices.astype(PETSc.IntType), system.data)
@@ -166,9 +164,7 @@ def _solve(system: sp.csr_matrix, n: int) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def _factor(matrix: PETSc.Mat) -> PETSc.PC:
-    """MUMPS' LDL' of a symmetric indefinite matrix. It estimates its work array from the pattern; pivoting may need
-    more.
-    """
+    """MUMPS' LDL' of a symmetric indefinite matrix. It sizes its work array by the pattern; pivoting may need more."""
     for workspace in WORKSPACES:
         pc = PETSc.PC().create(MPI.COMM_SELF)
         pc.setOperators(matrix)
@@ -191,9 +187,7 @@ def _factor(matrix: PETSc.Mat) -> PETSc.PC:
 
 
 def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: str) -> None:
-    """Affine functions on every part joined through facets have no energy: the coarse vertices bound to it must fix
-    them.
-    """
+    """Affine functions on a part joined through facets have no energy: coarse vertices bound to it must fix them."""
     m = len(mesh.cells)
     part = connected_parts(mesh.inner_facets[0], m)
     parts, homes = int(part.max()) + 1, part[back.cells]
