@@ -41,8 +41,7 @@ def donut_render(radius: float = 0.3, tube: float = 0.13, segments: int = 256, a
             for v in np.meshgrid(np.arange(segments + 1) / segments, np.arange(around + 1) / around, indexing="ij")
         ]
     )
-    face_uvs = np.column_stack([p * (around + 1) + q for p, q in ends])
-    return RenderSurface.of(vertices, faces, places, face_uvs)
+    return RenderSurface.of(vertices, faces, places, np.column_stack([p * (around + 1) + q for p, q in ends]))
 
 
 def donut_texture(width: int = 1024, height: int = 512, sprinkles: int = 170, seed: int = 1) -> np.ndarray:
@@ -79,9 +78,7 @@ def donut_texture(width: int = 1024, height: int = 512, sprinkles: int = 170, se
 
 
 def _glazed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """1 where there is glaze, 0 where there is none, at angles along the ring and around the tube: the upper side, down
-    to a wavy rim.
-    """
+    """1 where there is glaze, 0 elsewhere, at angles along the ring and around the tube: on top, to a wavy rim."""
     edge = 0.12 + 0.13 * np.sin(7.0 * a) + 0.08 * np.sin(11.0 * a + 1.0) + 0.05 * np.sin(17.0 * a + 2.0)
     inner = np.pi - 0.05 - 0.12 * np.sin(5.0 * a + 0.5) - 0.07 * np.sin(9.0 * a + 2.0)
     step = lambda x: 0.5 * (1.0 + np.tanh(x / RIM))

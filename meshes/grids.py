@@ -42,8 +42,7 @@ def layered(sheets: Sequence[np.ndarray], triangles: np.ndarray) -> Solid:
         ):
             cells.append(np.column_stack(cell))
     found = np.concatenate(cells)
-    edges = points[found[:, 1:]] - points[found[:, :1]]
-    turned = np.linalg.det(edges) < 0.0
+    turned = np.linalg.det(points[found[:, 1:]] - points[found[:, :1]]) < 0.0
     found[turned, :2] = found[turned, 1::-1]
     return Solid(points, found.astype(np.int32), np.zeros(len(found), np.int32))
 

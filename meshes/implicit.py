@@ -25,9 +25,7 @@ def figurine(
 
 
 def contoured(field: np.ndarray, axes: Sequence[np.ndarray], h: float, vertices: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and triangles where `field`, given on the grid of `axes` with spacing h, is zero: faired, then decimated
-    to about `vertices`.
-    """
+    """Points and triangles where `field` on the grid of `axes`, spacing h, is zero: faired, decimated to `vertices`."""
     import igl  # these two take as long to load as the rest of a scene
     from skimage import measure
 

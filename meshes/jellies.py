@@ -88,8 +88,7 @@ def _bunny(p: np.ndarray) -> np.ndarray:
 
 def _ear(q: np.ndarray) -> np.ndarray:
     """Long, a little flattened from front to back."""
-    flat = q * [1.0, 1.0, 1.35] - [0.0, 0.0, 0.35 * 0.05]
-    return capsule(flat, (0.080, 0.66, 0.05), (0.140, 0.985, 0.03), 0.080)
+    return capsule(q * [1.0, 1.0, 1.35] - [0.0, 0.0, 0.35 * 0.05], (0.080, 0.66, 0.05), (0.140, 0.985, 0.03), 0.080)
 
 
 def _frog(p: np.ndarray) -> np.ndarray:

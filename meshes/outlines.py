@@ -160,9 +160,7 @@ def folded(length: float = 1.0, width: float = 0.1, gap: float = 0.02, arc: int 
 
 
 def extrude(outline: Outline, thickness: float) -> Surface:
-    """The prism over an outline, from z = -thickness/2 to +thickness/2 [m]. Sides and caps are as coarse as the outline
-    is.
-    """
+    """The prism over an outline, from z = -thickness/2 to +thickness/2 [m]; sides and caps are as coarse as it."""
     n = len(outline.points)
     z = np.full((n, 1), thickness / 2.0)
     vertices = np.vstack([np.hstack([outline.points, -z]), np.hstack([outline.points, z])])

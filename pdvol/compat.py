@@ -71,8 +71,7 @@ def create_mesh(
     The argument order of `dolfinx.mesh.create_mesh` changed silently in 0.10: keywords only.
     """
     d = points.shape[1]
-    shape = {2: "triangle", 3: "tetrahedron"}[d]
-    element = basix.ufl.element("Lagrange", shape, 1, shape=(d,))
+    element = basix.ufl.element("Lagrange", {2: "triangle", 3: "tetrahedron"}[d], 1, shape=(d,))
     mine = slice(None) if comm.rank == 0 else slice(0, 0)
     how = {} if owner is None else {"partitioner": lambda *_: _destinations(owner[mine])}
     return dolfinx.mesh.create_mesh(

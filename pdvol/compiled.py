@@ -46,8 +46,7 @@ def cache_folder() -> Path:
     except (OSError, StopIteration):
         cpu = platform.processor()
     key = hashlib.sha256(f"{platform.machine()} {cpu}".encode()).hexdigest()[:12]
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "pdvol" / "compiled" / key
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pdvol" / "compiled" / key
 
 
 def compiler() -> list[str]:

@@ -35,9 +35,7 @@ class Registry:
 
     @cached_property
     def _installed(self) -> "dict[str, EntryPoint]":
-        """Those of other installed packages; these are looked up once, when a name is not pdvol's own or all are
-        listed.
-        """
+        """Those of other installed packages; looked up once, when a name is not pdvol's own or all are listed."""
         if self.group is None:
             return {}
         from importlib.metadata import entry_points

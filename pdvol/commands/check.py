@@ -46,8 +46,7 @@ def main(options: Namespace) -> int:
         from pdvol.runs.shape_check import check_meshes
 
     if len(options.files) == 1 and options.files[0].suffix in (".py", ".json"):
-        shot = chosen_shot(options, options.files[0])
-        result = check_scene(shot.scene, options.measure, options.out)
+        result = check_scene(chosen_shot(options, options.files[0]).scene, options.measure, options.out)
         lines = _scene_lines(result)
     else:
         result = check_meshes(options.files, options.out)

@@ -22,9 +22,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(options: Namespace) -> None:
-    """Simulate level 0, draw a picture and print where everything is; with `--watch` until it is interrupted.
-    Collective.
-    """
+    """Simulate level 0, draw it and print where everything is; with `--watch` until interrupted. Collective."""
     if not options.watch:
         _preview(options)
         return

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 def this_rank() -> int:
     """The rank of this process; 0 where MPI is not loaded."""
-    mpi = sys.modules.get("mpi4py.MPI")
-    world = getattr(mpi, "COMM_WORLD", None)  # none while another thread is loading MPI
+    world = getattr(sys.modules.get("mpi4py.MPI"), "COMM_WORLD", None)  # none while another thread is loading MPI
     return world.rank if world is not None else 0
 
 

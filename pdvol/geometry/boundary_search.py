@@ -109,8 +109,7 @@ def enclosed(points: np.ndarray, vertices: np.ndarray, facets: np.ndarray) -> np
     end of a sleeve leave above a half (Jacobson 2013).
     """
     facets = np.ascontiguousarray(facets, dtype=np.int64)
-    winding = igl.winding_number(np.ascontiguousarray(vertices), facets, np.ascontiguousarray(points))
-    return np.abs(winding) > 0.5
+    return np.abs(igl.winding_number(np.ascontiguousarray(vertices), facets, np.ascontiguousarray(points))) > 0.5
 
 
 def nearest_points(corners: np.ndarray, facets: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

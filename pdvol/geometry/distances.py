@@ -9,9 +9,7 @@ from pdvol.geometry.crossings import counted_edges
 INSIDE_WINDING = 0.5
 """Winding number, whatever its sign, above which a point counts as inside: 0 outside of a closed surface, 1 inside."""
 SAMPLES = 50_000
-"""Points at which a boundary is sampled, at least: about a thousandth of a surface's diagonal apart, three ten
-thousandths of an outline's.
-"""
+"""Points at which a boundary is sampled, at least: about 1e-3 of a surface's diagonal apart, 3e-4 of an outline's."""
 
 
 def distances_to(points: np.ndarray, corners: np.ndarray, facets: np.ndarray) -> np.ndarray:
@@ -43,8 +41,7 @@ def deepest_inside(points: np.ndarray, corners: np.ndarray, triangles: np.ndarra
     near = points[((points >= low) & (points <= high)).all(axis=1)]
     if len(near) == 0:
         return 0.0
-    inside = near[_inside(near, corners, triangles)]
-    return float(distances_to(inside, corners, triangles).max(initial=0.0))
+    return float(distances_to(near[_inside(near, corners, triangles)], corners, triangles).max(initial=0.0))
 
 
 def hausdorff_distance(

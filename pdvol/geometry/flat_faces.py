@@ -1,6 +1,4 @@
-"""The flat faces of a boundary, which its meshes keep exactly: those of a box or of a machined part, not the facets of
-a curved surface.
-"""
+"""The flat faces of a boundary, which its meshes keep exactly: a box's or a machined part's, not a curved surface's."""
 
 from collections.abc import Iterator
 from copy import copy
@@ -15,9 +13,7 @@ from pdvol.geometry.level_mesh import connected_parts, facet_sizes
 ONE_PLANE = 1e-4
 """Angle [rad] between neighbouring facets of one plane: round-off of coordinates in single precision."""
 SHARP_ANGLE = float(np.deg2rad(40.0))
-"""Angle [rad] between facets above which their edge is a feature of the shape: curved surfaces of ten facets around are
-smooth.
-"""
+"""Angle [rad] between facets above which their edge is a feature: curved surfaces of ten facets around are smooth."""
 LARGER = 4.0
 """Size of a flat face, relative to the flat pieces that it joins smoothly, at least: a facet of a curved surface is
 about as large as its neighbours.

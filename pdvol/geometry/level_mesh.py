@@ -43,9 +43,7 @@ class LevelMesh:
 
     @property
     def on_the_shape(self) -> np.ndarray:
-        """(n, d) [m]: the `places`, or the points. Choices by place are made there, so that all levels choose the same
-        part of the shape.
-        """
+        """(n, d) [m]: `places`, or the points. Choices by place use them: all levels choose the same part."""
         return self.points if self.places is None else self.places
 
     @cached_property
@@ -71,9 +69,7 @@ class LevelMesh:
 
     @cached_property
     def inner_facets(self) -> tuple[np.ndarray, np.ndarray]:
-        """(k, 2) int64, (k, 2) int64: the two cells beside each inner facet, and which of their corners lies opposite
-        to it.
-        """
+        """(k, 2) int64, (k, 2) int64: the cells beside each inner facet, and which of their corners is opposite."""
         m = len(self.cells)
         order, same = _sorted_facets(self.cells)
         sides = np.column_stack([order[:-1][same], order[1:][same]])
@@ -90,9 +86,7 @@ class LevelMesh:
         return self._hat_gradients(self.cells)
 
     def gradients_in(self, cells: np.ndarray) -> np.ndarray:
-        """(k, d + 1, d) [1/m]: the `hat_gradients` of some cells (k,). Those of all, 96 bytes a tetrahedron, are not
-        kept for it.
-        """
+        """(k, d + 1, d) [1/m]: `hat_gradients` of some cells (k,). Those of all, 96 bytes a cell, are not kept."""
         return self.hat_gradients[cells] if "hat_gradients" in vars(self) else self._hat_gradients(self.cells[cells])
 
     def _hat_gradients(self, cells: np.ndarray) -> np.ndarray:
@@ -101,9 +95,7 @@ class LevelMesh:
         return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
     def coordinates(self, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Barycentric coordinates (k, d + 1) of points (k, d) in cells (k,), at rest. Rows sum to one; they may be
-        negative.
-        """
+        """Barycentric coordinates (k, d + 1) of points (k, d) in cells (k,) at rest: of any sign, they sum to one."""
         # A product and a sum, not einsum or matmul: a row must not depend on its place in the array, which differs
         # between ranks.
         arms = (points - self.points[self.cells[cells, 0]])[:, None]
@@ -164,15 +156,12 @@ def facet_sizes(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def connected_parts(simplices: np.ndarray, count: int) -> np.ndarray:
-    """(count,) the connected part of each of `count` points, where those of a simplex (k, c) are connected; numbered by
-    their first points.
-    """
+    """(count,) the connected part of each point, where those of a simplex (k, c) connect; numbered by first points."""
     from scipy.sparse import coo_array  # where it is called: stored runs are read without SciPy
     from scipy.sparse.csgraph import connected_components
 
     ends = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
-    graph = coo_array((np.ones(len(ends[0])), ends), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    return connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(count, count)), directed=False)[1]
 
 
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
@@ -208,8 +197,7 @@ def _sorted_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def principal_stretches(mesh: LevelMesh, positions: np.ndarray) -> np.ndarray:
     """(m, d): singular values of each cell's deformation gradient, descending; `positions` (n, d) [m]."""
-    gradients = np.einsum("mci,mcj->mij", positions[mesh.cells], mesh.hat_gradients)
-    return np.linalg.svd(gradients, compute_uv=False)
+    return np.linalg.svd(np.einsum("mci,mcj->mij", positions[mesh.cells], mesh.hat_gradients), compute_uv=False)
 
 
 def vertex_strain(mesh: LevelMesh, positions: np.ndarray) -> np.ndarray:

@@ -62,9 +62,7 @@ class Integrator(Protocol):
 
 
 class ImplicitEuler:
-    """Implicit Euler: x_hat = x^t + dt v^t, weight dt^2, v = (x^{t+1} - x^t) / dt. First order in dt, strongly
-    damping.
-    """
+    """Implicit Euler: x_hat = x^t + dt v^t, weight dt^2, v = (x^{t+1} - x^t) / dt. First order, strongly damping."""
 
     states = 1
 

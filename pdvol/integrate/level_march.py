@@ -40,9 +40,7 @@ class Lead:
         return self.coarse(step)[0].positions
 
     def start(self, model: LevelModel) -> Start:
-        """A level begins where the scene says; an embedded level begins where the level below does, prolonged.
-        Collective.
-        """
+        """A level begins where the scene says; an embedded one where the level below does, prolonged. Collective."""
         begin = model.start
         if self.method == "embedded" and model.level > 0 and begin is not model.mesh.points:
             begin = self.hierarchy.prolongation(model.level).prolong(self.positions(0))
@@ -67,8 +65,7 @@ def level_march(
     level, steps, dt, hierarchy, method = model.level, model.steps, model.dt, lead.hierarchy, lead.method
     if method == "embedded" and level > 0:
         count = {"count": partial(_count_intersections, model)} if model.contact else {}
-        carrier = hierarchy.prolongation(level)
-        return embedded(carrier, lead.positions, level, start, steps, dt, integrator, **count)
+        return embedded(hierarchy.prolongation(level), lead.positions, level, start, steps, dt, integrator, **count)
     weight = model.penalty.of(method) if level > 0 else 0.0
     guides = (guide(weight, dt, hierarchy.prolongation(level), lead.positions),) if weight > 0.0 else ()
     feedback = level_feedback(model, hierarchy, method, lead.positions)

@@ -360,8 +360,7 @@ class MotionParts:
         """Where a part ends `until` [s] that goes along a direction, which leads to `aim` [s]; or the share of it that
         may be free, and None.
         """
-        share = (until - self.motion.clock) / (aim - self.motion.clock)
-        path = self.motion.path(x, until, share * direction, along)
+        path = self.motion.path(x, until, (until - self.motion.clock) / (aim - self.motion.clock) * direction, along)
         free = self.potential.max_step(x, path, until=until)
         if free == 1.0:
             return free, x.moved(1.0, path)

@@ -129,8 +129,7 @@ class Stepper:
 
     def _new_newton(self) -> Newton:
         iterated = (lambda x, iterations: None) if self._long is None else self._long.iterated
-        system = NewtonSystem(self.potential, self.motion.held, self.model.solver, self._coarse_weights)
-        return Newton(system, iterated)
+        return Newton(NewtonSystem(self.potential, self.motion.held, self.model.solver, self._coarse_weights), iterated)
 
     def go_on_from(self, record: Mapping, earlier: Sequence[Mapping] = ()) -> None:
         """Restores the solver's memory from a step's log record, so that the next step is the same as without an
@@ -306,9 +305,7 @@ class Stepper:
     def _solve_lagged(
         self, report: StepReport, x: Positions, robust: bool, most: int, tolerance: float
     ) -> tuple[Positions, NewtonReport]:
-        """Newton solves from x, with friction lagged anew as long as that changes more than `tolerance`, `most` solves
-        at most.
-        """
+        """Newton solves from x, at most `most`, friction lagged anew while that changes more than `tolerance`."""
         lags, report.friction_residual = 1, None
         while True:
             x, solved = self.newton.solve(x, robust)

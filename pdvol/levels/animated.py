@@ -61,8 +61,7 @@ def cached_motion(motion: PointCache, vertices: np.ndarray, whose: str) -> Motio
 
     def follow(X: np.ndarray, t: float) -> np.ndarray:
         facets = frames.at(t, rows)[corners]
-        places = np.einsum("nc,ncd->nd", matched.weights, facets)
-        return places + np.einsum("nij,nj->ni", _bases(facets), local)
+        return np.einsum("nc,ncd->nd", matched.weights, facets) + np.einsum("nij,nj->ni", _bases(facets), local)
 
     return follow
 

@@ -1,6 +1,4 @@
-"""The springs of a scene's attachments and pulls: chosen on the coarsest level, bound to the same material on every
-level.
-"""
+"""The springs of attachments and pulls: chosen on the coarsest level, bound to the same material on every level."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -68,8 +66,7 @@ def bound_springs(
     ends, bodies, stiffness, rest, strength = (np.concatenate(parts) for parts in zip(*chosen, strict=True))
     cells, weights = nearest_material(mesh, ends.reshape(-1, mesh.dim), bodies.ravel())
     points = mesh.cells[cells].reshape(len(ends), -1)
-    signs = np.array([-1.0, 1.0])[:, None]
-    weights = (signs * weights.reshape(len(ends), 2, -1)).reshape(points.shape)
+    weights = (np.array([-1.0, 1.0])[:, None] * weights.reshape(len(ends), 2, -1)).reshape(points.shape)
     lengths = np.linalg.norm(np.einsum("ka,kai->ki", weights, start[points]), axis=1)
     return (BoundSprings(points, weights, stiffness, np.where(np.isnan(rest), lengths, rest), strength),)
 

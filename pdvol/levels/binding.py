@@ -78,8 +78,7 @@ def bind(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
     _check(target, mesh)
     cells = containing_cells(target.points, target.point_bodies, source)
     # One rank computes it for all: arithmetic on two machines may differ in the last digit, and bindings with it.
-    own = source.comm.rank == 0
-    found = rebind_islands(target, mesh, *bind_outside(target, mesh, cells)) if own else None
+    found = rebind_islands(target, mesh, *bind_outside(target, mesh, cells)) if source.comm.rank == 0 else None
     cells, kind = source.comm.bcast(found)
     return Binding(cells, kind, mesh.coordinates(cells, target.points))
 
@@ -109,8 +108,7 @@ def rebind_islands(
     islands = find_islands(target, source, cells)
     if not islands.any():
         return cells, kind
-    rest = np.where(islands, -1, cells)
-    anew, _ = bind_outside(target, source, rest, rays=False)
+    anew, _ = bind_outside(target, source, np.where(islands, -1, cells), rays=False)
     return anew, np.where(islands, ISLAND, kind).astype(np.int8)
 
 

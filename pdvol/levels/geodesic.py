@@ -143,9 +143,7 @@ class _Material:
         return sp.csr_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(self._mesh.cells),) * 2)
 
     def facets_near(self, cell: int, facet_cells: np.ndarray) -> list[int]:
-        """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) are the facets'
-        cells.
-        """
+        """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) are theirs."""
         layer, seen = {int(cell)}, set[int]()
         while layer:
             facets = np.flatnonzero(np.isin(facet_cells, list(layer)))

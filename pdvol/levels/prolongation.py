@@ -31,9 +31,7 @@ class Prolongation:
         self._coarse_vector, self._fine_vector = self.matrix.createVecs()
 
     def prolong(self, values: np.ndarray) -> np.ndarray:
-        """P times positions or velocities: (n_fine, d) from (n_coarse, d), both whole, in input order and on every
-        rank. Collective.
-        """
+        """P times positions or velocities: (n_fine, d) from (n_coarse, d), in input order, on all ranks. Collective."""
         self._coarse_vector.array[:] = self.coarse.from_input(values).ravel()
         self.matrix.mult(self._coarse_vector, self._fine_vector)
         return self.fine.to_input(self._fine_vector.array.reshape(-1, self.fine.dim))
@@ -48,8 +46,7 @@ class Prolongation:
         weights = self.weights()
         if min(weights.shape) < 8:
             return float(np.linalg.norm(weights.toarray(), 2))
-        start = np.ones(min(weights.shape))
-        return float(svds(weights, k=1, tol=1e-4, v0=start, return_singular_vectors=False)[0])
+        return float(svds(weights, k=1, tol=1e-4, v0=np.ones(min(weights.shape)), return_singular_vectors=False)[0])
 
     def report(self) -> dict:
         """The binding's report, and what bounds the growth of extrapolated motion (paper, appendix on negative
@@ -71,9 +68,7 @@ class Prolongation:
 
 
 def input_weights(matrix: PETSc.Mat, coarse: LevelSpace, fine: LevelSpace) -> sp.csr_array:
-    """One component (n_fine, n_coarse) of a matrix from `coarse` to `fine`, in input order and on every rank.
-    Collective.
-    """
+    """A component (n_fine, n_coarse) of a matrix from `coarse` to `fine`, in input order, on all ranks. Collective."""
     starts, columns, values = matrix.getValuesCSR()
     rows = sp.csr_array((values, columns, starts), shape=(matrix.getLocalSize()[0], matrix.getSize()[1]))
     whole = sp.vstack(fine.comm.allgather(rows[:: fine.dim, :: fine.dim]), format="csr")

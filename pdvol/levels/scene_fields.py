@@ -70,9 +70,7 @@ def _held_for_ever(scene: Scene, body: str, points: np.ndarray) -> bool:
 
 
 def way_up(scene: Scene, dim: int) -> list[float] | None:
-    """The upward direction of pictures: against the first gravity, at the first time at which it is not zero; None
-    where there is no such time.
-    """
+    """The upward direction of pictures: against the first gravity at the first time that has one; None without one."""
     gravity = next((load.acceleration for load in scene.loads if isinstance(load, Gravity)), dim * (0.0,))
     if isinstance(gravity, Keyed):
         times = [0.0, *gravity.times]
@@ -148,10 +146,9 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
 
 def motion_times(scene: Scene, support: Support | None = None) -> list[float]:
     """Times [s] of a scene at which its motions are tried; of a support's, while it holds."""
-    numbers = np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int))
     return [
         float(number * scene.dt)
-        for number in numbers
+        for number in np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int))
         if number == 0 or support is None or support.holds((number - 1) * scene.dt, scene.dt)
     ]
 

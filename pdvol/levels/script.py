@@ -188,9 +188,7 @@ class Script:
         return self._carried(own, clock) @ plane.pose(own) if self._waits(own, clock) else plane.pose(own)
 
     def moves(self, mover: Mover, own: float, until: float) -> bool:
-        """Whether a mover whose own time is `own` [s] has to move with respect to the ground to be on time at `until`
-        [s].
-        """
+        """Whether a mover whose own time is `own` [s] has to move against the ground to be on time at `until` [s]."""
         if not mover.moves:
             return False
         before, after = mover.at(own), mover.at(until)
@@ -217,9 +215,7 @@ class Script:
             self._stopped.pop(mover, None)
 
     def recorded_lags(self, behind: float, late: Mapping[str, float]) -> dict[Mover, float]:
-        """How late motions are [s], as a record of the log has it: all by `behind`, unless `late` names those that
-        are.
-        """
+        """How late motions are [s], as the log records it: all by `behind`, unless `late` names those that are."""
         return {mover: float(late.get(name, 0.0) if late else behind) for name, mover in self.movers.items()}
 
     def placed(self, time: float, lags: Mapping[Mover, float]) -> dict[Obstacle, Place]:

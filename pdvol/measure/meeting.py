@@ -62,8 +62,7 @@ def overlapping_boxes(low_a: np.ndarray, high_a: np.ndarray, low_b: np.ndarray, 
     a = np.repeat(of_a, many)
     b = of_b[np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many) + np.repeat(begin, many)]
     meet = ((low_a[a] <= high_b[b]) & (low_b[b] <= high_a[a])).all(1)
-    code = np.unique(a[meet] * len(low_b) + b[meet])
-    return np.column_stack(np.divmod(code, len(low_b)))
+    return np.column_stack(np.divmod(np.unique(a[meet] * len(low_b) + b[meet]), len(low_b)))
 
 
 def _entries(lo: np.ndarray, hi: np.ndarray, low: np.ndarray, high: np.ndarray, size: float) -> float:

@@ -96,9 +96,7 @@ def jitter(before: np.ndarray, now: np.ndarray, after: np.ndarray, dt: float, ma
 
 
 def centre_error(moved: np.ndarray, other: np.ndarray, body_masses: np.ndarray) -> float:
-    """Root mean square [m], over the mass, of the distance between two sets of displacements of bodies' centres
-    (bodies, d) [m].
-    """
+    """Root mean square [m], over the mass, of the distance between two displacements of centres (bodies, d) [m]."""
     return float(np.sqrt(body_masses @ ((moved - other) ** 2).sum(axis=1) / body_masses.sum()))
 
 
@@ -132,9 +130,7 @@ class Projection:
 
 
 def negative_eigenvalues(matrix: sp.csc_matrix) -> int:
-    """How many eigenvalues of a symmetric matrix are negative: as many as pivots of its LDL' (Sylvester's law of
-    inertia).
-    """
+    """The number of negative eigenvalues of a symmetric matrix, by pivots of its LDL' (Sylvester's law of inertia)."""
     factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     if np.array_equal(factors.perm_r, factors.perm_c):
         return int(np.sum(factors.U.diagonal() < 0))

@@ -69,8 +69,7 @@ def read_frames(cache: PointCache) -> Frames:
             raise InputError(no_file(path))
         try:
             pc2 = path.suffix.lower() == ".pc2"
-            read = _pc2(path, cache) if pc2 else STUDIO["read_animation"](path, cache.prim, cache.fps)
-            frames, points, faces = read
+            frames, points, faces = _pc2(path, cache) if pc2 else STUDIO["read_animation"](path, cache.prim, cache.fps)
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
         for number in range(len(points)):

@@ -62,8 +62,7 @@ def cut_faces(points: np.ndarray, faces: Sequence[Sequence[int]]) -> np.ndarray:
     cut: list[np.ndarray] = [np.empty(0)] * len(faces)
     for corners in np.unique(counts):
         mine = np.flatnonzero(counts == corners)
-        triangles = cut_polygons(points, np.array([faces[i] for i in mine], dtype=np.int64))
-        for i, made in zip(mine, triangles, strict=True):
+        for i, made in zip(mine, cut_polygons(points, np.array([faces[i] for i in mine], dtype=np.int64)), strict=True):
             cut[i] = made
     return np.concatenate(cut) if cut else np.empty((0, 3), dtype=np.int64)
 

@@ -101,5 +101,4 @@ def curvature(points: np.ndarray, triangles: np.ndarray) -> float:
     angles[angles > SHARP_ANGLE] = 0.0
     bends = 1.5 * angles * lengths / areas
     order = np.argsort(bends)
-    below = np.cumsum(areas[order]) / areas.sum()
-    return float(bends[order][np.searchsorted(below, 1.0 - LEFT_OUT)])
+    return float(bends[order][np.searchsorted(np.cumsum(areas[order]) / areas.sum(), 1.0 - LEFT_OUT)])

@@ -114,8 +114,7 @@ def _joined(
     first = coincident(points, distance, groups)
     _say(done, (first != np.arange(len(first))).sum(), "{} vertices welded to others")
     cells = first[cells]
-    corners = np.sort(cells, axis=1)
-    whole = np.flatnonzero((np.diff(corners, axis=1) > 0).all(axis=1))
+    whole = np.flatnonzero((np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1))
     _say(done, len(cells) - len(whole), "{} cells that had lost a corner dropped")
     keep = whole[_single(cells[whole])]
     _say(done, len(whole) - len(keep), "{} doubled cells dropped")
@@ -295,8 +294,7 @@ def _uncrossed(surface: Surface, hole: float, envelope: float, name: str, done: 
             moved = points + distance[:, None] * igl.per_vertex_normals(points, triangles)
             made, facets = in_child("libigl's union", united, moved, triangles, cpu_seconds=MESHER_SECONDS)
             _check_left(facets, name)
-            near = max(COINCIDENT, SLIVER * grown) * size
-            made, facets, _ = _joined(*drop_unused(made, facets), near, None, steps)
+            made, facets, _ = _joined(*drop_unused(made, facets), max(COINCIDENT, SLIVER * grown) * size, None, steps)
             result = _surface(made, facets, hole, name, steps)
             judge(result, name)
             lost, added = deviation(points, triangles, result.vertices, result.triangles)

@@ -37,8 +37,7 @@ def read_surface(path: Path) -> tuple[Surface, list[str]]:
     raises MeshError where it is unreadable, truncated, or holds no triangles.
     """
     suffix = path.suffix.lower()
-    readers = {".obj": read_obj, ".off": _off, ".stl": _stl, ".ply": read_ply}
-    points, triangles = first_that_reads(path, readers[suffix])
+    points, triangles = first_that_reads(path, {".obj": read_obj, ".off": _off, ".stl": _stl, ".ply": read_ply}[suffix])
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
     more = bytes_after_stl(path) if suffix == ".stl" else 0
@@ -135,16 +134,13 @@ def _stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
         if not len(found) == 3 * facets == 3 * ends:
             raise ValueError(f"{facets} facets begin, {ends} end, with {len(found)} corners")
         # A comma is the sign of decimals, or stands between two numbers.
-        rows = [[word.rstrip(",;").replace(",", ".") for word in row] for row in found]
-        corners = np.array(rows, dtype=np.float64)
+        corners = np.array([[word.rstrip(",;").replace(",", ".") for word in row] for row in found], dtype=np.float64)
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return points, index.reshape(-1, 3)
 
 
 def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles, polygons cut. Whatever comes after the promised data is left out; MeshError where there
-    are fewer.
-    """
+    """Vertices and triangles, polygons cut. What follows the promised data is left out; MeshError if fewer."""
     data = path.read_bytes()
     end = data.index(b"end_header") + len(b"end_header")
     order, elements = "", list[tuple[str, int, list[tuple[str, ...]]]]()
@@ -215,9 +211,7 @@ def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangles_of(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles (k, 3), quadrilaterals and polygons cut, and the index of the cell block each comes from with its row
-    there.
-    """
+    """Triangles (k, 3), quadrilaterals and polygons cut; the index of the cell block of each, with its row there."""
     triangles, blocks, rows = [], [], []
     for b, block in enumerate(mesh.cells):
         data = np.asarray(block.data)

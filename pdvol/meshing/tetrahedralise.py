@@ -87,8 +87,7 @@ def tetrahedralise(
     """
 
     def make(part: Surface, count: int, what: str) -> SizedMesh:
-        own = volume_and_area(part)[0]
-        size = own ** (1.0 / 3.0)
+        size = volume_and_area(part)[0] ** (1.0 / 3.0)
         centre = part.vertices.mean(axis=0)
         unit = Surface((part.vertices - centre) / size, part.triangles)
         made = _unit_mesh(unit, count, what, grown, None if flat is None else flat.relative(centre, size))
@@ -125,11 +124,10 @@ def in_parts(make: Callable[[Surface, int, str], SizedMesh], surface: Surface, t
             ]
         )
     except UnreachableCount as error:
-        closest = round(target * error.closest / error.target)
         raise UnreachableCount(
             f"{name}: {target} vertices cannot be had for all parts ({str(error).removeprefix(f'{name}, ')})",
             target,
-            closest,
+            round(target * error.closest / error.target),
         ) from error
 
 
@@ -170,8 +168,7 @@ def _unit_mesh(surface: Surface, target: int, name: str, volume: float, flat: Fl
             mesh.places[boundary] = flat.nearest(snapped[boundary])
         return mesh
 
-    start = 0.87 + 3.6 / np.sqrt(target)
-    return mesh_of_target_size(make, target, name, start, 3)
+    return mesh_of_target_size(make, target, name, 0.87 + 3.6 / np.sqrt(target), 3)
 
 
 def with_volume_checked(

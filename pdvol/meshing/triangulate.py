@@ -45,8 +45,7 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
         sampled = _resampled(loops, scale * h * 0.8**failures, name)
         starts = np.cumsum([0, *(len(loop) for loop in sampled)])
         given = np.concatenate(sampled), starts, parents, scale * h
-        made = in_child("Gmsh", gmsh_triangles, *given, cpu_seconds=cpu_seconds)
-        points, cells = drop_unused(*made)
+        points, cells = drop_unused(*in_child("Gmsh", gmsh_triangles, *given, cpu_seconds=cpu_seconds))
         negative = simplex_volumes(points, cells) < 0
         cells[negative] = cells[negative][:, [1, 0, 2]]
         for moved in with_volume(points, cells, content, flat):

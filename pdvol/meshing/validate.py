@@ -301,8 +301,7 @@ def check_solid(solid: Solid, name: str = "mesh") -> Solid:
     if len(doubled):
         raise MeshError(f"{name}: cells {some(doubled)} repeat others; remove the duplicates")
     volumes = simplex_volumes(points, cells)
-    longest = simplex_lengths(points, cells)
-    flat = np.flatnonzero(np.abs(volumes) <= FLAT_SIMPLEX * longest**dim)
+    flat = np.flatnonzero(np.abs(volumes) <= FLAT_SIMPLEX * simplex_lengths(points, cells) ** dim)
     if len(flat):
         raise InvertedCellError(f"{name}: cells {some(flat)} are flat; mesh the shape again", flat)
     inverted = np.flatnonzero(volumes < 0)

@@ -70,8 +70,7 @@ class VertexGroup(Element):
             return (shares * weights[triangles[nearest]]).sum(axis=1) >= MARKED
         marked = weights >= MARKED
         reach = self.reach * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        tree = cKDTree(_marked_points(vertices, triangles, marked, reach / EDGE_SAMPLES))
-        held = tree.query(X)[0] <= reach
+        held = cKDTree(_marked_points(vertices, triangles, marked, reach / EDGE_SAMPLES)).query(X)[0] <= reach
         whole = triangles[marked[triangles].all(axis=1)]
         if len(whole):
             held |= np.linalg.norm(X - nearest_points(vertices, whole, X)[1], axis=1) <= reach

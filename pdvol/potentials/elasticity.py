@@ -249,8 +249,7 @@ class ActiveFibres(CellEnergy):
         domains = Domains(space, np.isin(np.arange(m), muscle.cells), smoothing)
         law, none = Density(psi, isotropic=False), self._tensions(np.zeros(len(muscle.cells)))
         super().__init__(space, law, none, domains, "muscle")
-        counted = float(domains.volumes[: domains.counted].sum())
-        self.scale = muscle.muscle.strength * space.reduce(counted)
+        self.scale = muscle.muscle.strength * space.reduce(float(domains.volumes[: domains.counted].sum()))
 
     def _tensions(self, tension: np.ndarray) -> dict[str, np.ndarray]:
         """The entries (m,) of tension f f' [Pa] for a tension (k,) of the muscle's cells."""
@@ -260,8 +259,7 @@ class ActiveFibres(CellEnergy):
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         # Every rank asks for all cells, so that a function that fails does so on all ranks.
-        tension = self._muscle.muscle.tension(t1, self._muscle.places)
-        self.set_parameters(self._tensions(tension))
+        self.set_parameters(self._tensions(self._muscle.muscle.tension(t1, self._muscle.places)))
 
 
 class CauchyStress:

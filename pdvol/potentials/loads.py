@@ -128,8 +128,7 @@ class EnclosedPressure(Term):
         self.space, self.facets, self._at = space, facets, pressure
         self.pressure = 0.0
         n, d = len(space.mesh.points), space.dim
-        turned = [np.roll(facets, -turn, axis=1) for turn in range(d if d == 3 else 1)]
-        halves = np.concatenate(turned)
+        halves = np.concatenate([np.roll(facets, -turn, axis=1) for turn in range(d if d == 3 else 1)])
         low, high = halves[:, :2].min(axis=1), halves[:, :2].max(axis=1)
         keys, self._edge = np.unique(low * n + high, return_inverse=True)
         self._low, self._high = keys // n, keys % n

@@ -65,9 +65,7 @@ class Follower(SharedWriter):
         return self.send("call", name, arguments, details)
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
-        """`positions` or `velocities` of a stored state; it waits for one that is not stored yet, as long as the keeper
-        runs.
-        """
+        """`positions` or `velocities` of a stored state; waits for one not stored yet while the keeper runs."""
         stored = self._run.levels[level]
 
         def read() -> np.ndarray:

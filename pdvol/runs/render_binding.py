@@ -101,8 +101,7 @@ def _interpolated(
             f" {len(between.mesh.points):,} vertices, and {MOST_HALVED:,} are the most; take"
             f" RenderMesh(interpolant={OF_POINTS[-1]!r})"
         )
-    inner = carry(source, between, bind(between, source))
-    return sp.csr_matrix(bind(places, between).matrix(between.mesh) @ inner)
+    return sp.csr_matrix(bind(places, between).matrix(between.mesh) @ carry(source, between, bind(between, source)))
 
 
 def nearest_homes(target: LevelMesh, source: LevelSpace) -> Binding:
@@ -146,8 +145,7 @@ def _bind_outside(
         layer, which = np.unique(ends[0][from_bound], return_index=True)
         if len(layer) == 0:
             break
-        given = facet[ends[1][from_bound][which]]
-        facet[layer] = walk.descend(points[layer], given)
+        facet[layer] = walk.descend(points[layer], facet[ends[1][from_bound][which]])
         left = facet[ends[0]] < 0
         ends = ends[0][left], ends[1][left]
     alone = outside[facet[outside] < 0]  # parts that meet the body nowhere

@@ -333,8 +333,6 @@ def _pulls(replay: Replay, end: Positions) -> list[np.ndarray]:
 
 
 def three_states(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions before, at the start and at the end of step `number`; those before the first step follow from the
-    initial velocity.
-    """
+    """Positions before, at the start and at the end of step `number`; before the first by the initial velocity."""
     now = level.positions(number - 1)
     return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)

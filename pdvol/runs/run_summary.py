@@ -54,9 +54,7 @@ def run_summary(run: Run) -> list[str]:
 
 
 def binding_lines(hierarchy: "Hierarchy") -> list[str]:
-    """One line for each level but the coarsest: how its vertices are bound to the level below, and the size of the
-    weights. Collective.
-    """
+    """One line a finer level: how its vertices are bound to the level below, and the weights' size. Collective."""
     reports = {level: hierarchy.prolongation(level).report() for level in range(1, len(hierarchy))}
     return [
         f"levels {level - 1} -> {level}: {r['inside']:,} bound inside, {r['ray']:,} by ray, {r['neighbour']:,} by"
@@ -69,12 +67,11 @@ def binding_lines(hierarchy: "Hierarchy") -> list[str]:
 
 def solver_lines(run: Run) -> list[str]:
     """A line for each change of the solver's settings in a run that has gone on with others."""
-    found = run.info.get("solvers", [])
     try:
         return [
             f"solver settings from step {', '.join(map(str, now['from']))} of levels 0 to {len(now['from']) - 1} on: "
             + "; ".join(differences(before["settings"], now["settings"], "solver"))
-            for before, now in pairwise(found)
+            for before, now in pairwise(run.info.get("solvers", []))
         ]
     except (TypeError, KeyError) as error:
         raise InputError(f"{run.path / 'run.json'}: solvers is no list of settings; remove it") from error

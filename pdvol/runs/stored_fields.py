@@ -80,8 +80,7 @@ def exported(
                 return nothing_more
 
         run = open_run(path)
-        levels = [level.index for level in run.levels if level.steps]
-        FORMATS["xdmf"](run, levels, path, fields)
+        FORMATS["xdmf"](run, [level.index for level in run.levels if level.steps], path, fields)
 
     try:
         yield

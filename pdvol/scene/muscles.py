@@ -48,9 +48,7 @@ class Muscle(Element):
             finite("Muscle.activation, its lowest key,", min(self.activation.values), 0.0)
 
     def fibres(self, points: np.ndarray) -> np.ndarray:
-        """(n, d) unit vectors at rest positions (n, d). Raises InputError where a function fails or has no direction
-        to give.
-        """
+        """(n, d) unit vectors at rest positions (n, d). InputError where a function fails or gives no direction."""
         if callable(self.fibre):
             found = called("Muscle.fibre", self.fibre, (points.copy(),), points.shape).astype(float)
         else:

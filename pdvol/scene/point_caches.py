@@ -103,8 +103,7 @@ class PointCache(Element):
     def label(self) -> str:
         """Its name in messages."""
         inside = f" at {self.prim}" if self.prim else ""
-        named = isinstance(self.source, (str, Path))
-        return f"the point cache {self.source}{inside}" if named else "the point cache"
+        return f"the point cache {self.source}{inside}" if isinstance(self.source, (str, Path)) else "the point cache"
 
 
 @dataclass(frozen=True, repr=False)

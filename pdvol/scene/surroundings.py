@@ -146,9 +146,7 @@ class Support(Element):
         )
 
     def holds(self, time: float, dt: float) -> bool:
-        """Whether a step of dt [s] that begins at `time` [s] still holds them; times are compared to a millionth of the
-        step.
-        """
+        """Whether a step of dt [s] from `time` [s] on still holds them, to a millionth of the step."""
         return time < self.release - 1e-6 * dt
 
 

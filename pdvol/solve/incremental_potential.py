@@ -99,9 +99,7 @@ class IncrementalPotential:
         return np.inf if isnan(total) else total
 
     def require_admissible(self, x: Positions) -> None:
-        """Raises SimulationError, naming the term, where one has no finite energy at x, from which a solve would begin.
-        Collective.
-        """
+        """Raises SimulationError, naming the term, where one has no finite energy at a solve's start x. Collective."""
         self._require_finite("inertia", "energy", self.inertia(x), x.owned - self.x_hat)
         for term in self.terms:
             self._require_finite(term.name, "energy", term.value(x), term.gradient(x))
@@ -116,8 +114,7 @@ class IncrementalPotential:
         for rows in found[1:]:
             total = total + rows
         if not self.space.reduce(is_finite(total), MPI.LAND):
-            names = ("inertia", *(term.name for term in self.terms))
-            for name, rows in zip(names, found, strict=True):
+            for name, rows in zip(("inertia", *(term.name for term in self.terms)), found, strict=True):
                 self._require_finite(name, "gradient", rows, rows)
             raise SimulationError("the gradient is too large for double precision")
         self._gradient = total
@@ -165,9 +162,7 @@ class IncrementalPotential:
             self._name_hessian(x, weight, into)
 
     def renew_predicted(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Replaces friction and what is predicted of contact, in the blocks of the last `add_hessian`, by the present
-        prediction.
-        """
+        """Replaces friction and predicted contact in the last `add_hessian`'s blocks by the present prediction."""
         into.drop_later()
         with self.watch.part("contact"):
             for term in self.frictions:
@@ -270,9 +265,7 @@ class IncrementalPotential:
 
     @property
     def first_meeting(self) -> float:
-        """Share of the way of the first direction at which a pair meets that is predicted to; 1 where there is none.
-        Collective.
-        """
+        """Share of the first direction at which a pair predicted to meet does; 1 where there is none. Collective."""
         return self.space.reduce(min((term.first_meeting for term in self.contacts), default=1.0), MPI.MIN)
 
     @property

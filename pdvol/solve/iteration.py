@@ -190,9 +190,7 @@ def keeps_matrix(last: Iteration | None, before: Iteration | None, tolerance: fl
 
 
 def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
-    """Why the solve ends after the last iteration: "TOLERANCE", "ROUNDING" (the energy cannot fall any further in
-    double precision), or empty.
-    """
+    """Why the solve ends: "TOLERANCE", "ROUNDING" (the energy cannot fall further in double precision), or empty."""
     contracts = last.speed <= CONTRACTING * speed_of(before)
     if last.speed <= tolerance and (last.at_rounding or last.full):
         return "TOLERANCE"

@@ -95,9 +95,7 @@ class Newton:
         return known[1]
 
     def _configuration(self, vector: PETSc.Vec) -> Positions:
-        """Of the last two configurations that of a vector; a new one, which then is the last, where it is neither.
-        Collective.
-        """
+        """Of the last two configurations that of a vector, or a new one, which then is the last. Collective."""
         solve, array = self._solve, vector.getArray(readonly=True).reshape(-1, self.space.dim)
         alike: Iterable[bool] = (same(known.owned, array) for known in solve.states)
         if self.space.comm.size > 1:

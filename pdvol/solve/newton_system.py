@@ -50,8 +50,7 @@ class NewtonSystem:
     def use(self, ksp: PETSc.KSP) -> None:
         """Solves with a KSP from now on."""
         dense = any(domains.smoothed for domains in self.potential.stencils)
-        timed = partial(self._watch.part, "linear")
-        self.linear = LinearSolver(ksp, self.settings, self._coarse_spaces, timed, dense)
+        self.linear = LinearSolver(ksp, self.settings, self._coarse_spaces, partial(self._watch.part, "linear"), dense)
 
     def _coarse_spaces(self) -> list[CoarseSpace]:
         """On grids, and on a coarser level if one suits; without the grids where these have more vertices."""

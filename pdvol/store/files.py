@@ -262,9 +262,7 @@ def read_list(folder: Path, name: str, make: Callable[[int, dict, dict[str, np.n
 
 
 def jsonable(value: Any) -> Any:
-    """The same value in JSON's types. Numbers that are not finite become null, for JSON has none; dataclasses become
-    objects.
-    """
+    """A value in JSON's types. Numbers that are not finite become null, as JSON has none; dataclasses, objects."""
     if isinstance(value, dict):
         return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set)):

@@ -84,7 +84,5 @@ def write_obstacles(folder: Path, obstacles: Sequence[Mapping]) -> None:
 
 
 def read_obstacles(folder: Path) -> tuple[DrawnObstacle, ...]:
-    """The stored obstacles, none when none were stored; InputError when a file is damaged (the states do not depend on
-    it).
-    """
+    """The stored obstacles, none if none were stored; InputError if a file is damaged (states do not depend on it)."""
     return read_list(folder, "obstacles", lambda _, entry, arrays: DrawnObstacle(entry["name"], entry["kind"], arrays))

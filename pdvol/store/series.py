@@ -38,8 +38,7 @@ def with_strain(run: Run, fields: LevelFields) -> LevelFields:
 
         def at(step: int) -> StepFields:
             found = more(step)
-            strain = vertex_strain(level.mesh, level.positions(step))
-            return StepFields({**found.points, "strain": strain}, found.cells)
+            return StepFields({**found.points, "strain": vertex_strain(level.mesh, level.positions(step))}, found.cells)
 
         return at
 

@@ -180,9 +180,7 @@ class RunWriter:
         self._count[level] = step + 1
 
     def write_late(self, level: int, step: int, places: Mapping[int, Mapping[str, np.ndarray]]) -> None:
-        """Store where obstacles, by their number, are at a level's step, if behind their motions; before `write_state`
-        of that step.
-        """
+        """Store where obstacles, by number, are at a level's step, if late; before `write_state` of that step."""
         arrays = {f"{i}.{key}": value for i, entry in places.items() for key, value in entry.items()}
         write_arrays(late_file(level_folder(self.path, level), step), **arrays)
 

@@ -22,8 +22,7 @@ G = 9.81
 
 
 def falling(dt: float, steps: int, levels: int = 1) -> pdvol.Scene:
-    scene = replace(small.scene(levels), obstacles=(), contact=(), solver=EXACT)
-    return replace(scene, dt=dt, steps=steps)
+    return replace(replace(small.scene(levels), obstacles=(), contact=(), solver=EXACT), dt=dt, steps=steps)
 
 
 # ---- the steps of a run
@@ -71,8 +70,7 @@ def test_nothing_is_differenced_over_a_jump(name):
 def test_forces_balance():
     """Forces sum to zero where nothing is held; there the support gives what is left. Gravity is the weight."""
     held = pdvol.Support(lambda X: X[:, 0] < 1e-9)
-    scene = replace(small.scene(steps=6), supports=(held,), solver=EXACT)
-    for step in pdvol.march(scene):
+    for step in pdvol.march(replace(small.scene(steps=6), supports=(held,), solver=EXACT)):
         assert set(step.forces) == {"inertia", "elastic", "load", "barrier", "friction"}
         total, largest = sum(step.forces.values()), max(np.abs(rows).max() for rows in step.forces.values())
         free = step.model.free

@@ -124,8 +124,7 @@ def test_a_scene_file_takes_over_and_is_kept(tmp_path):
     pdvol.run(small.scene(), tmp_path / "run", levels=0, steps=1)
     file = tmp_path / "square.py"
     file.write_text(f"import sys; sys.path[:0] = {FOLDERS!r}\nfrom small import scene\n")
-    words = ["run", str(file), "--steps", "1", "--out", str(tmp_path / "run"), "--resume"]
-    assert command_line(words) == 0
+    assert command_line(["run", str(file), "--steps", "1", "--out", str(tmp_path / "run"), "--resume"]) == 0
     stored = lambda: json.loads((tmp_path / "run" / "run.json").read_text())["scene_file"]
     assert stored() == str(file)
     assert len(pdvol.run(small.scene(), tmp_path / "run", resume=True, steps=2).levels) == 2

@@ -62,12 +62,10 @@ def test_pins_follow_the_animation_and_obstacles_theirs(simulated):
     """On both levels, to the single precision of the caches."""
     _, _, run = simulated
     for level in run.levels:
-        body = level.mesh.point_bodies == 0
-        held = body & (level.rest[:, 0] < -0.4999)
+        held = (level.mesh.point_bodies == 0) & (level.rest[:, 0] < -0.4999)
         assert held.sum() >= 4
         assert level.positions(6)[held] == pytest.approx(level.rest[held] + [0.0, 0.0, 0.1], abs=1e-6)
-        plate = level.placed(run.obstacles, 6)[1].vertices(6)
-        assert plate[:, 2].max() == pytest.approx(0.125 - 0.1, abs=1e-6)
+        assert level.placed(run.obstacles, 6)[1].vertices(6)[:, 2].max() == pytest.approx(0.125 - 0.1, abs=1e-6)
 
 
 def test_what_follows_has_blenders_vertices_in_their_order(simulated, tmp_path):

@@ -160,8 +160,7 @@ def test_other_solver_settings_leave_a_trace_and_hold_from_then_on(tmp_path, sce
     words = ("run", scene, "--levels", "0", "--out", out)
     assert pdvol(*words, "--steps", 2, "--set", "tolerance=0.01") == 0
     assert pdvol(*words, "--steps", 4, "--resume", "--set", "tolerance=Relative(1e-3)") == 0
-    said = "solver settings from step 3 of levels 0 to 0 on: solver.tolerance: 0.01 -> "
-    assert said in capfd.readouterr().err
+    assert "solver settings from step 3 of levels 0 to 0 on: solver.tolerance: 0.01 -> " in capfd.readouterr().err
     for steps, method in ((5, "direct"), (6, "multilevel")):
         assert pdvol(*words, "--steps", steps, "--resume", "--set", f"linear={method}") == 0
     assert pdvol("refine", out, "--to", 1) == 0

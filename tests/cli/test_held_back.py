@@ -71,8 +71,7 @@ def test_forces_use_the_real_positions_of_obstacles(folder):
     last = level.log[-1]
     assert level.lateness(last["step"])[0] == last["behind"] > 0.0 and level.lateness(1) == (0.0, {})
     scene, obstacles = stored_scene(run)
-    fields = SceneFields(scene, run, 1, obstacles)
-    force = fields.contact_force(last["step"])
+    force = SceneFields(scene, run, 1, obstacles).contact_force(last["step"])
     assert np.isfinite(force).all()
     pressed = level.positions(last["step"])[:, 1] > 1e-6
     assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0

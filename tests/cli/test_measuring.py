@@ -101,8 +101,7 @@ def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
     scene = write(tmp_path / "moving.py", MOVING)
     words = ("--method", "direct", "--set", "tolerance=Relative(1e-3)", "--set", "linear=direct")
     assert pdvol("run", scene, "--out", tmp_path / "run", *words) == 0
-    run = open_run(tmp_path / "run")
-    for level, entry in zip(run.levels, measured(tmp_path / "run")["levels"], strict=True):
+    for level, entry in zip(open_run(tmp_path / "run").levels, measured(tmp_path / "run")["levels"], strict=True):
         whole = np.array([r["reached"] == 1.0 and r["cuts"] == 0 for r in level.log])
         assert whole.sum() > 4 and max(r["contacts"] for r in level.log) > 0
         values = np.array([np.nan if v is None else v for v in entry["continuity"]])

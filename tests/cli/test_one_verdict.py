@@ -124,8 +124,7 @@ def test_repair_makes_bodies(files, tmp_path, capfd, name):
     assert code == 0 and text.splitlines()[-1].endswith(", sound"), text
     assert len(text.splitlines()) > 1, "it says what it did"
     assert ("united" in text) == (name == "crossing.obj")
-    volume = out.suffix == ".mesh"
-    if volume:
+    if out.suffix == ".mesh":
         assert said(capfd, "run", scene_of(out, tmp_path), "--out", tmp_path / "run")[0] == 0
     elif name in ("doubled.obj", "twice.obj", "nearly_welded.obj", "half_turned.obj", "flat_triangle.obj"):
         surface = read_shape(out)

@@ -11,8 +11,7 @@ CHOICES = ("--steps", 6, "--no-picture")
 def shot(tmp_path_factory):
     """A small run of two levels whose scene file is there."""
     folder = tmp_path_factory.mktemp("play")
-    scene = write(folder / "fall.py", FALL)
-    assert pdvol("run", scene, "--out", folder / "run", *CHOICES) == 0
+    assert pdvol("run", write(folder / "fall.py", FALL), "--out", folder / "run", *CHOICES) == 0
     return folder / "run"
 
 

@@ -119,8 +119,7 @@ print(*sorted(name for name in sys.modules if name.startswith("pdvol.potentials.
 
 
 def test_without_contact_none_of_it_is_imported(file):
-    words = [sys.executable, "-c", WITHOUT_CONTACT]
-    ended = subprocess.run(words, cwd=file.parent, capture_output=True, text=True)
+    ended = subprocess.run([sys.executable, "-c", WITHOUT_CONTACT], cwd=file.parent, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines()[-1] == ""
 

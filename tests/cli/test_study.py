@@ -35,8 +35,7 @@ def studied(folder):
 def test_points_have_costs_and_errors_that_the_runs_confirm(folder):
     study = studied(folder)
     assert [level["vertices"] for level in study["levels"]] == [9, 25]
-    reference = open_run(folder / "s" / "runs" / "dt-0.005")
-    states = ReferenceStates(reference, 1)
+    states = ReferenceStates(open_run(folder / "s" / "runs" / "dt-0.005"), 1)
     assert {(p["run"], p["level"]) for p in study["points"]} >= {
         *((run, level) for run in ("default", "direct", "dt-0.04", "dt-0.01") for level in (0, 1)),
         ("dt-0.005", 0),

@@ -58,8 +58,7 @@ def test_a_sound_run(tmp_path, dim, capsys):
     path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, 0.5, -0.21, 0.5)])
     assert verify.verify_run(path) == []
     assert cli.run(["verify", str(path)]) == 0
-    out = capsys.readouterr().out
-    assert "level 0: 4 states, smallest plane gap 0.5 m, smallest det F 1, 0 intersections" in out
+    assert "level 0: 4 states, smallest plane gap 0.5 m, smallest det F 1, 0 intersections" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -189,8 +188,7 @@ def test_edges_and_a_triangle_by_hand(p, q, meets):
     # The triangle (0, 0), (1, 0), (0, 1) in z = 0: through, a hair above, an end on it, through a corner, a side, a
     # hair beside a side, coplanar.
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), p, q], dtype=float)
-    found = meeting.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))
-    assert bool(found) == meets
+    assert bool(meeting.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))) == meets
 
 
 def test_boxes_of_very_different_size():

@@ -80,8 +80,7 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     text = (pages / "melt.md").read_text()
     cells = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines() if "|" in row]
     rows = {name: values for name, *values in cells}
-    stored = open_run(runs / "melt")
-    assert rows["vertices"] == [f"{len(x.rest)}" for x in stored.levels]
+    assert rows["vertices"] == [f"{len(x.rest)}" for x in open_run(runs / "melt").levels]
     assert "\nIntersections: 0 in 76 states.\n" in text
     own, alone = rows["at most from level 0"], rows["by `--method direct`"]
     assert own[0] == alone[0] == "" and own[1] != alone[1] and "m" in alone[1]

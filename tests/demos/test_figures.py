@@ -83,5 +83,4 @@ def test_a_slice_has_its_layers(layers):
     outline, found = recipes.slices.bunny_outline(0.4, 160).points, recipes.bunny_slice(0.4, 0.01, 60, layers)
     check_solid(found, "slice")
     assert np.allclose(np.unique(found.vertices[:, 1]), np.linspace(-0.005, 0.005, layers + 1))
-    volume = simplex_volumes(found.vertices, found.cells).sum()
-    assert volume == pytest.approx(0.01 * signed_area(outline), rel=1e-9)
+    assert simplex_volumes(found.vertices, found.cells).sum() == pytest.approx(0.01 * signed_area(outline), rel=1e-9)

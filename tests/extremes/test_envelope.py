@@ -59,8 +59,7 @@ def march(tmp_path, name, steps=None):
     except (pdvol.ConvergenceError, pdvol.InputError) as named:
         error = named
     if (out / "run.json").is_file():
-        wrong = [problem for problem in verify_run(out) if error is None or "done" not in problem]
-        assert wrong == []
+        assert [problem for problem in verify_run(out) if error is None or "done" not in problem] == []
     return error
 
 

@@ -59,8 +59,7 @@ def test_bodies_that_do_not_show_their_turn(d):
     bodies = np.repeat([0, 1, 2, 3], [1, 3, 4, 5])
     R = turn(40, d)
     x = np.vstack([2 * np.ones((1, d)), np.ones((3, d)), np.zeros((4, d)), line @ R.T])
-    found = rigid_motions(X, x, np.ones(13), bodies)
-    np.testing.assert_allclose(found.rotations, [np.eye(d)] * 3 + [R], atol=1e-8)
+    np.testing.assert_allclose(rigid_motions(X, x, np.ones(13), bodies).rotations, [np.eye(d)] * 3 + [R], atol=1e-8)
     mirrored = rigid_motions(X, X * np.r_[np.ones(d - 1), -1], np.ones(13), bodies)  # gets rotations
     np.testing.assert_allclose(np.linalg.det(mirrored.rotations), 1.0)
 

@@ -72,8 +72,7 @@ class Tab:
     def picture(self, selector: str | None = None, path: Path | None = None) -> np.ndarray:
         """(height, width, 3) uint8: what the page, or one element of it, looks like now; also written to `path`."""
         shown = self.page if selector is None else self.page.locator(selector)
-        encoded = shown.screenshot(path=path)
-        return np.asarray(Image.open(io.BytesIO(encoded)).convert("RGB"))
+        return np.asarray(Image.open(io.BytesIO(shown.screenshot(path=path))).convert("RGB"))
 
 
 @contextmanager

@@ -59,8 +59,7 @@ def crossing_tetrahedra(angle, size=1.0, seed=None):
 def random_tetrahedra(seed, count=2, size=1.0):
     """Tetrahedra of any shape, about dhat apart: mixtures of all kinds of contact, some with fades."""
     rng = np.random.default_rng(seed)
-    meshes = [level(rng.uniform(-1, 1, (4, 3)) * size, [[0, 1, 2, 3]]) for _ in range(count)]
-    return surface_of(*meshes)
+    return surface_of(*[level(rng.uniform(-1, 1, (4, 3)) * size, [[0, 1, 2, 3]]) for _ in range(count)])
 
 
 def mesh_of(candidates):

@@ -74,8 +74,7 @@ def fail_solve(monkeypatch, stepper, number) -> list[float]:
 
 def make_model(scene, mesh, obstacles=()) -> LevelModel:
     """A scene on a mesh; `obstacles` is the geometry of its `Rigid` ones."""
-    levels = Hierarchy([mesh], MPI.COMM_SELF)
-    return level_model(scene, levels, 0, 1.0, placed_obstacles(scene.obstacles, obstacles))
+    return level_model(scene, Hierarchy([mesh], MPI.COMM_SELF), 0, 1.0, placed_obstacles(scene.obstacles, obstacles))
 
 
 def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD, integrator=None, forces=False) -> Stepper:

@@ -97,8 +97,7 @@ def test_a_throw_keeps_the_momentum_that_it_has_when_it_is_let_go(integrator):
 
 @pytest.mark.parametrize("young", [3e3, 1e5, 1e8])
 def test_the_force_is_bounded_by_softness_and_weight(young):
-    far = ((0.1, 0.2), (50.0, 60.0))
-    scene = pulled(far, (0.0, 0.1), steps=10)
+    scene = pulled(((0.1, 0.2), (50.0, 60.0)), (0.0, 0.1), steps=10)
     body = replace(scene.bodies[0], material=replace(STIFF, young=young))
     _, reports = march(replace(scene, bodies=(body,)), MESH)
     forces = [np.linalg.norm(report.forces["pull"].sum(axis=0)) / WEIGHT for report in reports]
@@ -124,8 +123,7 @@ def test_one_that_does_not_act_adds_nothing():
     for number in range(9):
         np.testing.assert_array_equal(reports[number].positions, without[number].positions)
     assert np.abs(reports[12].positions - without[12].positions).max() > 1e-5
-    begins = [step for step in range(1, 30) if stepper.model.begins_anew(step)]
-    assert begins == [10, 20]
+    assert [step for step in range(1, 30) if stepper.model.begins_anew(step)] == [10, 20]
     (term,) = [term for term in stepper.potential.terms if term.name == "pull"]
     assert len(term._points) == 0
 

@@ -67,8 +67,7 @@ def test_what_contact_stops_waits_and_what_it_does_not_stop_goes_on(d):
     surface = problem.potential.contacts[-1].surface
     last = 0.0
     for report in march(problem, 6):
-        driven = mesh.points[held] + report.time * np.eye(d)[0]
-        np.testing.assert_allclose(report.positions[held], driven, atol=1e-12)
+        np.testing.assert_allclose(report.positions[held], mesh.points[held] + report.time * np.eye(d)[0], atol=1e-12)
         at = obstacle.at(report.time - report.behind)
         now, of_floor = np.split(surface.obstacle_positions, [len(at)])  # planes come last
         np.testing.assert_allclose(of_floor, floor.at(report.time), atol=1e-14)

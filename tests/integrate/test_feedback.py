@@ -89,8 +89,7 @@ def test_a_turn_shrinks_and_nothing_is_deformed(d):
     """An angle a becomes that of (1 - beta) exp(i a) + beta: for small ones, (1 - beta) a."""
     pair, angle = Pair(lambda step, X: X, d), 1.2
     centre = mass_centres(pair.fine.points, pair.masses, pair.fine.point_bodies)
-    reports = pair.march(centre + (pair.fine.points - centre) @ turn(angle, d).T, 12)
-    for report in reports:
+    for report in pair.march(centre + (pair.fine.points - centre) @ turn(angle, d).T, 12):
         angle = np.angle((1 - BETA) * np.exp(1j * angle) + BETA)
         expected = centre + (pair.fine.points - centre) @ turn(angle, d).T
         np.testing.assert_allclose(report.positions, expected, atol=1e-7)
@@ -108,8 +107,7 @@ def test_the_whole_share_is_exact_on_rigid_motions_body_by_body(d):
 
     pair = Pair(path, d, count=2, beta=1.0)
     x = pair.fine.points @ turn(0.4, d).T + 1.0
-    goal = pair.levels.prolongation(1).prolong(pair.path(0))
-    np.testing.assert_allclose(x + pair.feedback(0, x), goal, atol=1e-7)
+    np.testing.assert_allclose(x + pair.feedback(0, x), pair.levels.prolongation(1).prolong(pair.path(0)), atol=1e-7)
     squeezed = Pair(lambda step, X: 0.5 + (X - 0.5) * 0.8, d)  # smaller about its centre: the shape is left alone
     np.testing.assert_allclose(squeezed.feedback(0, squeezed.fine.points), 0.0, atol=1e-9)
 
@@ -151,8 +149,7 @@ def test_contact_answers_with_a_force_like_a_weight(name, weight):
     """The block comes to rest where the floor carries M (g + beta / weight distance), to the tolerance."""
     settings = {"solver": Solver(tolerance=1e-6, linear="direct"), "integrator": INTEGRATORS[name]()}
     pair = held_by_the_floor(lambda step: 2e-3, **settings)
-    reports = pair.march(pair.fine.points, 60)
-    end = reports[-1].positions
+    end = pair.march(pair.fine.points, 60)[-1].positions
     barrier, space = pair.stepper.potential.contacts[0], pair.levels[1]
     force = -space.to_input(barrier.gradient(Positions(space, space.from_input(end))))[:, 1].sum()
     lifted = pair.levels.prolongation(1).prolong(pair.path(60))

@@ -38,8 +38,7 @@ def places(reports, rest):
 
 def guided(levels, scene, path, integrator, **more):
     guides = (guide(W, DT, levels.prolongation(1), path.__getitem__),)
-    model = level_model(scene, levels, 1, 1.0)
-    return Stepper(model, levels[1], FromCoarser(guides=guides), integrator, **more)
+    return Stepper(level_model(scene, levels, 1, 1.0), levels[1], FromCoarser(guides=guides), integrator, **more)
 
 
 def pulled(integrator, past, by, t):
@@ -80,8 +79,7 @@ def test_progressive_with_consistency(pair, name):
     levels, fine, scene, path = pair
     integrator, start = INTEGRATORS[name](), Start.at_rest(fine.points, np.zeros_like(fine.points))
     below = lambda step: past_of(integrator, path.__getitem__, np.zeros_like(path[0]), step, DT)
-    stepper = guided(levels, scene, path, integrator)
-    reports = list(progressive(stepper, levels.prolongation(1), below, start, STEPS))
+    reports = list(progressive(guided(levels, scene, path, integrator), levels.prolongation(1), below, start, STEPS))
     expected, past = [], AT_REST
     coarse = lambda step: past_of(integrator, lambda n: n**2 * SHIFT, np.zeros(2), step, DT)
     for t in range(1, STEPS + 1):

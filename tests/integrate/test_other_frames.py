@@ -92,8 +92,7 @@ LIFTED_WALK = pdvol.Sequential((pdvol.Translation((1.0, 0.0)), UP))
 def test_the_ground_is_the_plane_that_most_go_along_with_where_nothing_stands_still(planes, supports, ground):
     obstacles = [plane_obstacle(pdvol.Plane((0.0, i), (0.0, 1.0), motion)) for i, motion in enumerate(planes)]
     held = [HeldPoints(np.ones(2, bool), np.diag([1.0, 0.5]), motion, math.inf) for motion in supports]
-    found = ground_of([*held, *obstacles], 2.0)
-    assert found == (() if ground is None else (obstacles[ground],))
+    assert ground_of([*held, *obstacles], 2.0) == (() if ground is None else (obstacles[ground],))
 
 
 def test_what_waits_keeps_its_place_on_the_ground_and_catches_up_from_there():

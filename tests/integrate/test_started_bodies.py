@@ -108,8 +108,7 @@ def test_motions_of_supports_begin_where_the_body_starts():
         scene = make_scene((pdvol.NeoHookean(YOUNG),), steps=1, supports=(pdvol.Support(end, motion=motion),))
         (held,) = make_model(starting(scene, lambda X: X * (1.5, 1.0) + (0.0, 1.0)), mesh).supports
         np.testing.assert_array_equal(np.flatnonzero(held.mask), np.flatnonzero(end(mesh.points)))
-        lowest = held.at(1.0)[np.argmin(held.points[:, 1])]
-        np.testing.assert_allclose(lowest, expected)
+        np.testing.assert_allclose(held.at(1.0)[np.argmin(held.points[:, 1])], expected)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -170,8 +169,7 @@ def test_a_stretch_that_keeps_its_volume_relaxes(poisson, stretch, integrator):
     damping, start = 0.1, np.array([stretch, stretch**-0.5, stretch**-0.5])
     material = pdvol.NeoHookean(1e6, poisson, 10.0, damping=damping)
     body = pdvol.Body((pdvol.meshes.brick((0.1,) * 3, (2,) * 3),), material, start=lambda X: X * start)
-    scene = pdvol.Scene((body,), dt=0.01, steps=40, integrator=integrator)
-    for step in pdvol.march(scene, levels=0):
+    for step in pdvol.march(pdvol.Scene((body,), dt=0.01, steps=40, integrator=integrator), levels=0):
         X, x = np.asarray(step.model.mesh.points), step.positions
         F = np.linalg.lstsq(X - X.mean(axis=0), x - x.mean(axis=0), rcond=None)[0]
         stretches = np.linalg.svd(F, compute_uv=False)

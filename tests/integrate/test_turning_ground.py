@@ -39,8 +39,7 @@ def test_a_turntable_carries_a_block_around(kind):
 def test_a_board_that_tilts_about_a_point_elsewhere_keeps_its_block(kind):
     """A board turns by 0.3 rad about a point 2 m away, less than the angle of friction: the block goes along."""
     centre, speed = np.array([-2.0, 0.0]), 0.3
-    turn = Rotation(speed, tuple(centre), stop=1.0)
-    reports, first = on_floor(kind, turn, (0.0, 0.9 * DHAT), (0.3, 0.3), steps=50)
+    reports, first = on_floor(kind, Rotation(speed, tuple(centre), stop=1.0), (0.0, 0.9 * DHAT), (0.3, 0.3), steps=50)
     c, s = np.cos(speed), np.sin(speed)
     expected = (first - centre) @ np.array([[c, s], [-s, c]]) + centre
     np.testing.assert_allclose(reports[-1].positions.mean(axis=0), expected, atol=0.015)

@@ -159,8 +159,7 @@ def alone():
 
 def test_a_far_body_changes_no_state_by_more_than_the_tolerance(alone):
     scene = falling(cube("near", NEAR), cube("far", (100.0, 0.13, -3000.0)))
-    count = alone.shape[1]
-    both = states(scene, slice(count))
+    both = states(scene, slice(alone.shape[1]))
     diagonal = np.sqrt(5) * SIDE  # of the box around the sphere of radius sqrt(5 / 12) SIDE
     assert scene_diagonal(scene) == pytest.approx(diagonal)
     tolerance = metres(scene.solver.tolerance, diagonal) * scene.dt

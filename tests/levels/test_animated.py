@@ -117,8 +117,7 @@ def test_a_body_goes_on_with_the_velocity_and_spin_of_its_flight(d, times):
     points, faces, _ = round_shapes(d)
     frames, velocity = thrown(points, times, spin=4.0)
     cache = PointCache(frames, times=times, faces=faces)
-    on_surface = np.ones(len(points), dtype=bool)
-    found = taken_velocity(TakeOver(cache), frames[-1], on_surface, "this")
+    found = taken_velocity(TakeOver(cache), frames[-1], np.ones(len(points), dtype=bool), "this")
     np.testing.assert_allclose(found, velocity, atol=1e-8)  # the best rotation is found to a billionth
 
 
@@ -129,11 +128,9 @@ def test_vertices_take_over_their_own_velocities():
     mesh = block((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 2, 2))
     times = np.array([0.0, 0.1, 0.2])
     frames = np.array([mesh.points + t**2 * mesh.points[:, :1] * mesh.points[:, 2:] * [1.0, 0.0, 0.0] for t in times])
-    cache = PointCache(frames, times=times, faces=mesh.boundary)
-    body = Body(("grid",), SOFT, velocity=TakeOver(cache, rigid=False))
+    body = Body(("grid",), SOFT, velocity=TakeOver(PointCache(frames, times=times, faces=mesh.boundary), rigid=False))
     scene = Scene((body,), dt=0.1, steps=1)
-    at_end = type(mesh)(frames[-1], mesh.cells, mesh.bodies, mesh.regions)
-    found = initial_velocity(scene, at_end)
+    found = initial_velocity(scene, type(mesh)(frames[-1], mesh.cells, mesh.bodies, mesh.regions))
     expected = np.column_stack([0.4 * mesh.points[:, 0] * mesh.points[:, 2], np.zeros((len(mesh.points), 2))])
     surface = np.unique(mesh.boundary)
     np.testing.assert_allclose(found[surface], expected[surface], atol=1e-10)

@@ -274,8 +274,7 @@ def test_phong_is_exact_on_quadratics_where_vertex_gradients_are(d):
     exact[:, :2] += mesh.points[:, 1::-1]
     np.testing.assert_allclose(gradient[inner], exact[inner], atol=1e-12)
     coarse, fine = LevelSpace(mesh, COMM), LevelSpace(box(d, 5, 0.2, 0.8, jitter=0.2), COMM)
-    binding = bind(fine, coarse)
-    found = INTERPOLANTS["phong"](coarse, fine, binding) @ smooth(mesh.points)
+    found = INTERPOLANTS["phong"](coarse, fine, bind(fine, coarse)) @ smooth(mesh.points)
     np.testing.assert_allclose(found, smooth(fine.mesh.points), atol=1e-12)
 
 

@@ -57,8 +57,7 @@ def test_a_large_area_outside_is_bound_to_what_is_below_it():
     plate = np.column_stack([x.ravel(), y.ravel(), height.ravel()])
     i, j = (k.ravel() for k in np.meshgrid(np.arange(79), np.arange(29), indexing="ij"))
     faces = np.column_stack([i * 30 + j, (i + 1) * 30 + j, (i + 1) * 30 + j + 1, i * 30 + j + 1])
-    surface = RenderSurface.of(plate, faces)
-    w = weights_of(surface, slab, "phong")
+    w = weights_of(RenderSurface.of(plate, faces), slab, "phong")
     assert np.abs(w.data).max() < 3.0
     far = np.abs(slab.points[w.tocoo().col, 0] - plate[w.tocoo().row, 0])
     assert far[np.abs(w.tocoo().data) > 1e-6].max() < 0.8, "further than the cells around the nearest facet"
@@ -89,8 +88,7 @@ def dough():
 @pytest.mark.parametrize("interpolant", sorted(INTERPOLANTS))
 def test_noise_of_the_level_is_not_amplified(dough, interpolant):
     """The rule of finer levels gives weights up to 40 here; single edges are then stretched by a factor of 44."""
-    surface = meshes.donut_render(0.3, 0.13, 96, 48)
-    w = weights_of(surface, dough, interpolant)
+    w = weights_of(meshes.donut_render(0.3, 0.13, 96, 48), dough, interpolant)
     assert np.abs(w.data).max() < 2.0 and np.abs(w).sum(axis=1).max() < 3.0
 
 

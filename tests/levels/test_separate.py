@@ -80,8 +80,7 @@ def test_nothing_to_do_nothing_done():
 
 def test_out_of_planes_and_obstacles():
     """Up out of the floor along its normal, and away from the obstacle's middle."""
-    floor = Plane((0.0, 0.02), (0.0, 1.0))
-    meshes, report = build_apart(two_boxes(2, 0.1, (Separate(),), floor), 2)
+    meshes, report = build_apart(two_boxes(2, 0.1, (Separate(),), Plane((0.0, 0.02), (0.0, 1.0))), 2)
     assert 0.02 < meshes[0].points[:, 1].min() < 0.04 and len(report) == 2
     stone = Rigid(Outline(np.array([[0.9, 0.4], [1.2, 0.4], [1.2, 0.6], [0.9, 0.6]])), name="stone")
     scene = two_boxes(2, 0.3, (Separate(),), stone)

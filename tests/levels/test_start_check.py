@@ -74,8 +74,7 @@ def test_obstacles(dim):
         return Rigid(shape=shape, placement=Placement(translate=np.resize(shift, dim)), name="rock", **settings)
 
     one = [level(dim, (1.0, 0.0))]
-    whole = scene(dim, 1, rigid(-0.31, 0.5, 0.5))
-    check_start(one, whole)
+    check_start(one, scene(dim, 1, rigid(-0.31, 0.5, 0.5)))
     refuse(
         "(body 'b0' crosses obstacle 'rock')|(obstacle 'rock' crosses body 'b0')",
         one,
@@ -83,11 +82,9 @@ def test_obstacles(dim):
     )
     refuse("obstacle 'rock' lies inside body 'b0'", one, scene(dim, 1, rigid(0.5)))
     refuse("body 'b0' lies inside obstacle 'rock'", [level(dim, (0.05, 0.0))], scene(dim, 1, rigid(0.0)))
-    hollow = scene(dim, 1, rigid(0.0, closed=False))
-    check_start([level(dim, (0.05, 0.0))], hollow)
+    check_start([level(dim, (0.05, 0.0))], scene(dim, 1, rigid(0.0, closed=False)))
     # Obstacles may overlap: a floor of several pieces, say.
-    several = scene(dim, 1, rigid(-0.4), rigid(-0.5))
-    check_start(one, several)
+    check_start(one, scene(dim, 1, rigid(-0.4), rigid(-0.5)))
     moving = rigid(-2.0, 0.5, 0.5, motion=lambda X, t: X + np.eye(dim)[0] * (2.0 + t))
     refuse("crosses", one, scene(dim, 1, moving))
 

@@ -34,8 +34,7 @@ def curved(X):
 
 
 def defects(the_scene, level=0):
-    meshes = build_levels(the_scene)
-    found = level_defects(the_scene, meshes, level, placed_obstacles(the_scene.obstacles), 1.0)
+    found = level_defects(the_scene, build_levels(the_scene), level, placed_obstacles(the_scene.obstacles), 1.0)
     return [str(defect.error) for defect in found]
 
 

@@ -43,8 +43,7 @@ def follow(path):
     (command,) = converter(path).split("; convert it: ")[1:]
     subprocess.run(command, shell=True, cwd=path.parent, check=True, capture_output=True, timeout=100)
     (made,) = (one for one in path.parent.iterdir() if one.suffix in (".obj", ".msh", ".vtu"))
-    shape = read_shape(made)
-    assert len(shape.vertices) >= 5
+    assert len(read_shape(made).vertices) >= 5
 
 
 def kinds() -> list:

@@ -44,8 +44,7 @@ def test_surfaces_decimated_side_by_side():
 
 
 def test_every_attempt_decimates():
-    ball = meshes.ball(0.5, 4)
-    attempts = list(_attempts(ball, 200, 2))
+    attempts = list(_attempts(meshes.ball(0.5, 4), 200, 2))
     assert len(attempts) == 6
     for points, triangles in attempts:
         made = check_surface(Surface(points, triangles), "ball")

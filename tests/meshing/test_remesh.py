@@ -135,8 +135,7 @@ def test_a_bar_sags_alike_on_coarse_and_fine_levels():
     for count, where in ((300, lambda X: X[:, 0] < X[:, 0].min() + 1e-6), (2500, lambda X: np.isclose(X[:, 0], -0.5))):
         bodies, gravity = (Body(BAR, NeoHookean(1e5, 0.3), (count,)),), Gravity((0.0, -2.0, 0.0))
         held = {"supports": [Support(where)], "loads": [gravity], "integrator": "implicit_euler"}
-        scene = Scene(bodies, dt=0.5, steps=14, **held)
-        level = pdvol.run(scene).levels[0]
+        level = pdvol.run(Scene(bodies, dt=0.5, steps=14, **held)).levels[0]
         end = np.isclose(level.mesh.points[:, 0], 0.5)
         sags.append((level.mesh.points - level.positions(14))[end, 1].mean())
     assert sags[0] == pytest.approx(sags[1], rel=0.05)

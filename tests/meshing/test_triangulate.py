@@ -31,8 +31,7 @@ def test_corners_stay_and_points_lie_on_the_outline():
     coarse = resample(square, 0.3)
     assert all((np.abs(coarse - corner).max(axis=1) < 1e-12).any() for corner in square)
     assert np.allclose(np.abs(coarse).max(axis=1), 0.5)
-    lengths = np.linalg.norm(np.roll(coarse, -1, axis=0) - coarse, axis=1)
-    assert lengths == pytest.approx(np.full(12, 1 / 3))
+    assert np.linalg.norm(np.roll(coarse, -1, axis=0) - coarse, axis=1) == pytest.approx(np.full(12, 1 / 3))
 
 
 def test_a_hole_stays_a_hole_and_loops_that_meet_are_refused():
@@ -40,8 +39,7 @@ def test_a_hole_stays_a_hole_and_loops_that_meet_are_refused():
     mesh = triangulate([outer, hole], 300)
     assert np.linalg.norm(mesh.points, axis=1).min() > 0.35
     facets, _ = boundary_facets(mesh.cells)
-    loops = boundary_loops(mesh.points, facets, "ring")
-    assert len(loops) == 2
+    assert len(boundary_loops(mesh.points, facets, "ring")) == 2
     with pytest.raises(MeshError, match="hole outside of everything"):
         triangulate([outer, hole + 5.0], 100)
     points = np.array([[0.0, 0], [-1, 1], [-1, -1], [1, -1], [1, 1]])  # a bow tie: two triangles share a vertex

@@ -25,8 +25,7 @@ def test_a_good_surface_is_kept_and_unused_vertices_go():
     cube = box()
     extra = Surface(np.vstack([[[9.0, 9, 9]], cube.vertices]), cube.triangles + 1)
     assert np.array_equal(check_surface(extra).triangles, cube.triangles)
-    inward = Surface(cube.vertices, cube.triangles[:, ::-1])
-    turned = check_surface(inward).triangles
+    turned = check_surface(Surface(cube.vertices, cube.triangles[:, ::-1])).triangles
     assert np.array_equal(np.sort(turned), np.sort(cube.triangles)), "turned outward without a word"
 
 
@@ -67,8 +66,7 @@ def test_a_heap_of_overlapping_shells_is_refused_before_all_pairs_are_listed():
     corners[turned, :2] = corners[turned, 1::-1]
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     triangles = (4 * np.arange(len(corners))[:, None, None] + faces).reshape(-1, 3)
-    heap = Surface(corners.reshape(-1, 3), triangles)
-    refuse(check_surface, heap, IntersectionError, "cross, in a sample of 500")
+    refuse(check_surface, Surface(corners.reshape(-1, 3), triangles), IntersectionError, "cross, in a sample of 500")
 
 
 def test_outlines():
@@ -98,8 +96,7 @@ def test_solids():
     flat[3] = [0.3, 0.3, 0.0]
     assert refuse(check_solid, Solid(flat, CELLS, none), InvertedCellError, "cells 0 are flat").cells == (0,)
     refuse(check_solid, Solid(POINTS, CELLS[[0, 0]], none), MeshError, "cells 1 repeat")
-    nan = POINTS * np.nan
-    refuse(check_solid, Solid(nan, CELLS, none), MeshError, "NaN")
+    refuse(check_solid, Solid(POINTS * np.nan, CELLS, none), MeshError, "NaN")
     refuse(check_solid, Solid(POINTS, CELLS[:, :3], none), MeshError, "give tetrahedra")
     refuse(check_solid, Solid(POINTS, CELLS, none[:1]), MeshError, "region labels")
     plane = Solid(np.array([[0.0, 0], [1, 0], [0, 1], [2, 0]]), np.array([[0, 1, 2], [0, 1, 3]]), none)

@@ -62,8 +62,7 @@ def test_a_spring_without_length_has_finite_derivatives(d):
     place = np.array((1.0, *(0.5,) * (d - 1)))
     found = term(mesh, where=place, to=place + GAP * np.eye(d)[0], rest_length=0.0)
     assert found.springs.points.shape == (1, 2 * d + 2)
-    x = mesh.points - np.outer(mesh.point_bodies == 1, GAP * np.eye(d)[0])
-    owned = found.space.from_input(x)
+    owned = found.space.from_input(mesh.points - np.outer(mesh.point_bodies == 1, GAP * np.eye(d)[0]))
     assert found.value(Positions(found.space, owned)) == pytest.approx(0.0, abs=1e-20)
     rows = hessian_of(found, found.space, owned).toarray()
     # Both cubes moved apart along any axis: k times the distance squared.

@@ -199,8 +199,7 @@ def test_an_obstacle_cut_finely_changes_nothing_between_bodies():
         bodies, others = surface.objects < 2, surface.objects == 2
         for name, who, way in (("bodies", surface.objects == 1, -0.5), ("floor", bodies, -0.5)):
             end = start + np.where(who[:, None], [0.0, 0.0, way], 0.0)
-            found = candidates.meetings(start, end)
-            with_floor = others[found["vertices"]].any(axis=1)
+            with_floor = others[candidates.meetings(start, end)["vertices"]].any(axis=1)
             reached[name, cuts] = np.count_nonzero(with_floor == (name == "floor"))
         reached["slack", cuts] = candidates.primitives.edge_length
     assert reached["slack", 1] == reached["slack", 60]

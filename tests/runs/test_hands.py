@@ -66,8 +66,7 @@ def simulated(scene: pdvol.Scene, out: Path, last: int = 0, **more) -> None:
 def replayed(scene: pdvol.Scene, take: Path, levels: int = 0, logs: bool = True) -> None:
     """Asserts that a run from the record of a take has the same states."""
     out = take.with_name(f"{take.name}_again")
-    again = replace(scene, hand=Hand(take / RECORD), steps=pdvol.open_run(take).info["steps"])
-    simulated(again, out, levels)
+    simulated(replace(scene, hand=Hand(take / RECORD), steps=pdvol.open_run(take).info["steps"]), out, levels)
     assert_same_runs(take, out, logs)
 
 

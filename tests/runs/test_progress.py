@@ -40,8 +40,7 @@ def test_the_real_time_factor_is_that_of_the_steps_seen():
     for step in (12, 13, 14):
         progress.step({"step": step, "time": 0.02 * step, "seconds": {"total": 0.5}})
     progress.close()
-    line = stream.getvalue().splitlines()[-1]
-    assert line == "level 1: 0.06 s of the shot in 1.50 s, real-time factor 0.04"
+    assert stream.getvalue().splitlines()[-1] == "level 1: 0.06 s of the shot in 1.50 s, real-time factor 0.04"
 
 
 def test_a_bar_shows_steps_the_time_left_and_a_step_that_lasts(monkeypatch):

@@ -208,8 +208,7 @@ def test_loading_has_a_stage(tmp_path):
         [sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY
     )
     assert done.returncode == 0, done.stderr
-    names = stage_names(done.stderr)
-    assert names[:2] == ["loading the solver", "loading fall.py"] and done.stdout == ""
+    assert stage_names(done.stderr)[:2] == ["loading the solver", "loading fall.py"] and done.stdout == ""
 
 
 @pytest.mark.parametrize(

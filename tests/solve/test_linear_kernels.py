@@ -77,8 +77,7 @@ def test_the_product_is_the_dense_one(space, pairs, held):
 def test_the_sum_is_the_one_of_all_contributions(space):
     """Blocks of a row ascend from its diagonal, each place once, and repeat to the last bit."""
     starts, columns, blocks = springs(space).merged()
-    again = springs(space).merged()
-    np.testing.assert_array_equal(blocks, again[2])
+    np.testing.assert_array_equal(blocks, springs(space).merged()[2])
     for row in range(space.n_owned):
         mine = columns[starts[row] : starts[row + 1]]
         assert mine[0] == row and (np.diff(mine) > 0).all()

@@ -139,9 +139,7 @@ def biharmonic_columns(mesh: LevelMesh, back: Binding, points: np.ndarray, name:
 
 
 def _solve(system: sp.csr_matrix, n: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Rows 0 ... n - 1 of the columns n, n + 1, ... of the inverse of a symmetric indefinite matrix: (first column,
-    dense block (n, k)).
-    """
+    """Rows 0 ... n - 1 of columns n, n + 1, ... of a symmetric indefinite matrix's inverse: (column, block (n, k))."""
     size = system.shape[0]
     system.sort_indices()
     csr = (system.indptr.astype(PETSc.IntType), system.indices.astype(PETSc.IntType), system.data)
@@ -166,9 +164,7 @@ def _solve(system: sp.csr_matrix, n: int) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def _factor(matrix: PETSc.Mat) -> PETSc.PC:
-    """MUMPS' LDL' of a symmetric indefinite matrix. It estimates its work array from the pattern; pivoting may need
-    more.
-    """
+    """MUMPS' LDL' of a symmetric indefinite matrix. It sizes its work array by the pattern; pivoting may need more."""
     for workspace in WORKSPACES:
         pc = PETSc.PC().create(MPI.COMM_SELF)
         pc.setOperators(matrix)
@@ -191,12 +187,9 @@ def _factor(matrix: PETSc.Mat) -> PETSc.PC:
 
 
 def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: str) -> None:
-    """Affine functions on every part joined through facets have no energy: the coarse vertices bound to it must fix
-    them.
-    """
+    """Affine functions on a part joined through facets have no energy: coarse vertices bound to it must fix them."""
     m = len(mesh.cells)
-    beside = mesh.inner_facets[0]
-    part = connected_parts(beside, m)
+    part = connected_parts(mesh.inner_facets[0], m)
     parts, homes = int(part.max()) + 1, part[back.cells]
     size = np.ptp(mesh.points, axis=0).max()
     for i in range(parts):
@@ -248,8 +241,7 @@ def make_local(
     """
     # Even if all m weights of a row are below this, their sum is a fifth of what may be dropped.
     noise = 0.2 * DROPPED / home.shape[1]
-    blocks = [sp.csc_matrix(np.where(np.abs(block) > noise, block, 0.0)) for block in columns]
-    weights = sp.hstack(blocks, format="csr")
+    weights = sp.hstack([sp.csc_matrix(np.where(np.abs(block) > noise, block, 0.0)) for block in columns], format="csr")
     return restore_affine(_with_pattern(_drop_small(weights, 0.8 * DROPPED), home), coarse, fine)
 
 
@@ -258,8 +250,7 @@ def _drop_small(weights: sp.csr_matrix, budget: float) -> sp.csr_matrix:
     row, size = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr)), np.abs(weights.data)
     smallest_kept = np.zeros(weights.shape[0])
     for threshold in _THRESHOLDS:
-        lost = np.bincount(row, size * (size < threshold), minlength=weights.shape[0])
-        smallest_kept[lost <= budget] = threshold
+        smallest_kept[np.bincount(row, size * (size < threshold), minlength=weights.shape[0]) <= budget] = threshold
     kept = size >= smallest_kept[row]
     indptr = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=weights.shape[0]))])
     return sp.csr_matrix((weights.data[kept], weights.indices[kept], indptr), shape=weights.shape)

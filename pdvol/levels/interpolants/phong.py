@@ -32,9 +32,7 @@ def phong(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr_matr
 
 
 def vertex_gradients(mesh: LevelMesh) -> list[sp.csr_matrix]:
-    """d matrices (n, n) [1/m], one per axis: a P1 field's derivative at each vertex, the volume-weighted mean over its
-    cells.
-    """
+    """d matrices (n, n) [1/m], one per axis: a P1 field's derivative at vertices, volume-weighted means over cells."""
     n, corners = len(mesh.points), mesh.dim + 1
     around = np.bincount(mesh.cells.ravel(), np.repeat(mesh.volumes, corners), minlength=n)
     row, column = np.repeat(mesh.cells, corners, axis=1).ravel(), np.tile(mesh.cells, (1, corners)).ravel()

@@ -173,8 +173,7 @@ class CellEnergy(Term):
 
 def entries_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     """Parameters: the entries (n,) of symmetric matrices (n, d, d), by their names."""
-    pairs = combinations_with_replacement(range(values.shape[1]), 2)
-    return {f"{name}{i}{j}": values[:, i, j] for i, j in pairs}
+    return {f"{name}{i}{j}": values[:, i, j] for i, j in combinations_with_replacement(range(values.shape[1]), 2)}
 
 
 def matrix_of(name: str, parameters: Mapping[str, Any], d: int) -> Any:
@@ -234,6 +233,5 @@ class _Compiled(Kernel):
         vertices, identity, one = np.arange(4, dtype=np.int32)[None], np.eye(3), np.ones(1)
         unit = ffi.new("domains_t *", {"count": 1, "counted": 1, "volumes": pointer(one)})
         unit.vertices, unit.gradients = pointer(vertices, "int32_t"), pointer(identity)
-        blocks = np.repeat(self.parameters()[domain][:, None], LANES, axis=1)
-        own = self._struct(blocks, self.c.at)
+        own = self._struct(np.repeat(self.parameters()[domain][:, None], LANES, axis=1), self.c.at)
         return library[3].domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))

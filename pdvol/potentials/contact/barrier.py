@@ -139,8 +139,7 @@ class ContactBarrier(Term):
 
     def min_gap(self, x: Positions) -> float:
         """Smallest distance [m] among the contacts; inf when there are none. Collective."""
-        nearest = float(np.linalg.norm(self.contacts(x).gaps, axis=1).min(initial=np.inf))
-        return self.space.reduce(nearest, MPI.MIN)
+        return self.space.reduce(float(np.linalg.norm(self.contacts(x).gaps, axis=1).min(initial=np.inf)), MPI.MIN)
 
     def pinched(self, x: Positions, names: Sequence[str]) -> str:
         """The pair with the smallest gap at x, in words: the gap, the names of its objects (bodies first, then

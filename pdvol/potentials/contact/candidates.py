@@ -189,9 +189,7 @@ class Candidates:
         return found[self._are_first(found) & (found["distance"] < self._reach[found["vertices"]].min(axis=1))]
 
     def _are_first(self, found: np.ndarray) -> np.ndarray:
-        """Mask of the meetings that are the first of their vertex or of one of their edges, or are with planes.
-        Collective.
-        """
+        """Mask of meetings that are the first of their vertex or one of their edges, or with planes. Collective."""
         kind, one, other = found["pair"].T
         vertices = len(self.primitives.objects)
         first = np.ones(vertices + len(self.primitives.edges))

@@ -108,9 +108,7 @@ class LaggedFriction(Term):
     # ---- the prediction
 
     def predict(self, x: Positions, end: Positions) -> bool:
-        """Predicts which contacts stick at the `end` of a direction from x; returns whether any of this rank's does.
-        Collective.
-        """
+        """Predicts contacts that stick at the `end` of a direction from x; whether this rank has any. Collective."""
         if not self.has_friction:
             return False
         places = pointer(self.surface.vertices(x)), pointer(self.surface.vertices(end))

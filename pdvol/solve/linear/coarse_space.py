@@ -94,8 +94,7 @@ def _grid(share: np.ndarray, boxes: np.ndarray) -> csr_array:
         columns[some] = np.ravel_multi_index(tuple(np.moveaxis(vertices, 2, 0)[longest]), tuple(boxes[longest] + 1))
     counted = weights > 0.0
     used, nodes = np.unique(columns[counted], return_inverse=True)
-    starts = np.append(0, np.cumsum(counted.sum(axis=1)))
-    return csr_array((weights[counted], nodes, starts), shape=(n, len(used)))
+    return csr_array((weights[counted], nodes, np.append(0, np.cumsum(counted.sum(axis=1)))), shape=(n, len(used)))
 
 
 class CoarseSpace:

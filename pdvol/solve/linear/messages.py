@@ -43,9 +43,7 @@ class Exchange:
         self._arrays: dict[str, np.ndarray] = {}
 
     def connect(self, d: int, rows: np.ndarray, counts: np.ndarray, theirs: np.ndarray) -> None:
-        """For each rank this one's vertices that go to it, counts[rank] of `rows`, and how many come from it; `d`
-        numbers each.
-        """
+        """For each rank: counts[rank] of `rows`, which go to it, and how many come from it; `d` numbers each."""
         ours, theirs = d * counts, d * theirs
         indices = {"row": rows, "counts": ours, "their_counts": theirs}
         indices |= {"starts": _firsts(ours), "their_starts": _firsts(theirs)}

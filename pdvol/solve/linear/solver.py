@@ -252,9 +252,7 @@ class LinearSolver:
         return reason, iterations
 
     def _enough(self, most: int) -> int:
-        """Iterations, at most `most`, after which a solve goes on with a coarse space, or with a better one: that saves
-        half of them, or more.
-        """
+        """Iterations, at most `most`, after which a (better) coarse space is used: it saves half or more."""
         if self.method == "multilevel":
             return min(most, 4 * COARSE_SETUP) if self.gradients.has_better else most
         return min(most, 2 * COARSE_SETUP) if self.settings.linear == "auto" else most
@@ -278,9 +276,7 @@ class LinearSolver:
         self._use(method)
 
     def fall_back(self) -> bool:
-        """After a failure: the direct method, then a larger work array for it. Returns False when nothing is left to
-        try.
-        """
+        """After a failure: the direct method, then a larger work array for it. False when nothing is left to try."""
         if self.method != "direct":
             self._failures += 1
         elif not self.petsc.enlarge_workspace():
@@ -298,9 +294,7 @@ class LinearSolver:
 
     @property
     def detects_indefinite(self) -> bool:
-        """Whether an indefinite matrix would be detected: by a failure of conjugate gradients, or by
-        `found_indefinite`.
-        """
+        """Whether an indefinite matrix is detected: by a failure of conjugate gradients, or `found_indefinite`."""
         return self.method != "direct" or self.petsc.counts_pivots
 
     @property

@@ -63,9 +63,7 @@ class SystemMatrix:
         self.all_supported: np.ndarray = everything[np.argsort(self.space.point_blocks)]
 
     def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> None:
-        """Sums `blocks`; with `eliminate` the rows and columns of supported vertices become the identity's.
-        Collective.
-        """
+        """Sums `blocks`; `eliminate` makes rows and columns of supported vertices the identity's. Collective."""
         self.rows = self.own = blocks.merged(self.all_supported if eliminate else None)
         self._petsc = None
         if self.space.comm.size > 1:

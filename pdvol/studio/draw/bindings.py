@@ -68,8 +68,7 @@ def draw_binding(
     up : the way up of a 3D pair; y as in most surface files
     """
     camera = fitted_camera(in_3d(np.concatenate([coarse.points, fine.points])), fine.dim, np.asarray(up, dtype=float))
-    chosen = nearest_vertex(coarse, camera)
-    column = weights[:, [chosen]].toarray()[:, 0]
+    column = weights[:, [nearest_vertex(coarse, camera)]].toarray()[:, 0]
     shown = np.unique(fine.boundary) if fine.dim == 3 else np.arange(len(fine.points))
     reach = f"on {np.count_nonzero(column):,} vertices, from {column.min():.2f} to {column.max():.2f}"
     homes = f"{len(fine.points):,} vertices in {len(np.unique(cells)):,} of {len(coarse.cells):,} cells"
@@ -129,8 +128,7 @@ def _picture(window: Window, coarse: LevelMesh, fine: LevelMesh, shown: np.ndarr
         surface = pv.PolyData.from_regular_faces(in_3d(fine.points), fine.boundary)
         window.add(surface, color=BACKGROUND, ambient=0.35, diffuse=0.6)
     lines = pv.PolyData.from_regular_faces(in_3d(coarse.points), coarse.boundary if coarse.dim == 3 else coarse.cells)
-    thin = window.oversampling
-    window.add(lines, style="wireframe", color=INK, opacity=0.5, line_width=thin, lighting=False)
+    window.add(lines, style="wireframe", color=INK, opacity=0.5, line_width=window.oversampling, lighting=False)
     dots = pv.PolyData(in_3d(fine.points[shown]))
     dots["colour"] = np.round(255 * colours).astype(np.uint8)
     size = window.oversampling * float(np.clip(0.55 * window.size[1] / np.sqrt(len(shown)), 3.0, 16.0))

@@ -1,6 +1,4 @@
-"""A picture of a run: rows are levels, columns are moments, all with the same camera. Film files show all levels side
-by side.
-"""
+"""A picture of a run: rows are levels, columns moments, all by one camera. Films show all levels side by side."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

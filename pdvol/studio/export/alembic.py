@@ -25,9 +25,7 @@ from pdvol.studio.shown import upward_in_3d
 def export(
     run: Run, levels: Sequence[int], out: Path, fields: LevelFields, fps: float | None = None, surface: str = RENDER
 ) -> list[Path]:
-    """Write `out/level_<l>.abc` for each level: every stored state, or `fps` frames a second. See
-    `pdvol.studio.export`.
-    """
+    """Write `out/level_<l>.abc` for each level: every state, or `fps` frames a second. See `pdvol.studio.export`."""
     try:
         import alembic3d.Abc
     except ImportError as error:

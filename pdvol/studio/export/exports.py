@@ -83,9 +83,7 @@ def _covered_bodies(run: Run) -> list[str]:
 
 
 def render_lines(run: Run, levels: Sequence[int]) -> list[str]:
-    """How far render meshes stand out from the simulated surfaces, and how deep they cross what is drawn beside them,
-    a line each.
-    """
+    """Lines: how far render meshes stand out from simulated surfaces, how deep they cross what is drawn beside them."""
     lines = []
     for number in levels if run.render_meshes else ():
         level = run.levels[number]

@@ -1,6 +1,4 @@
-"""Moving surfaces as sequences of OBJ files, one folder a level and one file a step, and the OBJ files that other
-formats need.
-"""
+"""Moving surfaces as OBJ files, one folder a level and one file a step, and the OBJ files that other formats need."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,9 +38,7 @@ def obj_text(points: np.ndarray, faces: str) -> bytes:
 
 
 def face_lines(parts: Sequence[Part]) -> str:
-    """The lines of parts whose vertices stand one part behind the other: names, texture coordinates, materials, and
-    polygons.
-    """
+    """The lines of parts whose vertices are one after the other: names, texture coordinates, materials and polygons."""
     lines: list[str] = []
     vertices = places = 0
     for part in parts:
@@ -50,8 +46,7 @@ def face_lines(parts: Sequence[Part]) -> str:
         lines.append(f"o {part.name}")
         if part.render is not None and len(part.render.uvs):
             lines += ["vt {!r} {!r}".format(*row) for row in part.render.uvs.tolist()]
-            corners = (part.render.uv_corners + places + 1).tolist()
-            words = [f"{c}/{t}" for c, t in zip(words, corners, strict=True)]
+            words = [f"{c}/{t}" for c, t in zip(words, (part.render.uv_corners + places + 1).tolist(), strict=True)]
             places += len(part.render.uvs)
         lines.append(f"usemtl {part.name}")
         ends = np.cumsum(part.counts).tolist()

@@ -146,11 +146,10 @@ def _obstacle(run: Run, level: RunLevel, i: int, name: str, middle: np.ndarray, 
         shape = _mesh_faces if obstacle.kind == "mesh" else _polyline_faces
         faces, corners = shape(obstacle.arrays, OUTLINE_WIDTH * size)
         at = lambda step: corners(in_3d(placed(step).vertices(step)))
-    counts = np.array([len(face) for face in faces], dtype=np.int64)
     return Part(
         name,
         str(obstacle.name),
-        counts,
+        np.array([len(face) for face in faces], dtype=np.int64),
         np.concatenate([np.asarray(face, dtype=np.int64) for face in faces]) if len(faces) else np.zeros(0, np.int64),
         at(0),
         at,

@@ -162,5 +162,4 @@ def _joined(
             raise InputError(f"{where}: its faces do not fit its points; export it again")
         parts = np.split(corners + (end - size), np.cumsum(counts)[:-1])
         polygons += [list(map(int, part[:: -1 if clockwise else 1])) for part in parts if len(part) > 2]
-    moments = np.array([time or 0.0 for time in times]) / rate
-    return (moments, points, cut_faces(points[0], polygons)), len(given) > 1
+    return (np.array([time or 0.0 for time in times]) / rate, points, cut_faces(points[0], polygons)), len(given) > 1

@@ -38,9 +38,7 @@ class Curves:
         self._bodies = cache(self._bodies_of)
 
     def of_level(self, number: int, steps: Sequence[int]) -> dict[str, list[float]]:
-        """By name of the curve: one value for each of these steps of a level. A level without stored states below it
-        has no drift.
-        """
+        """By name of the curve: a value for each of these steps. A level without stored states below has no drift."""
         level = self.run.levels[number]
         masses = lumped_masses(level.mesh, self._densities[number])
         speeds = (level.velocities(step) for step in steps)

@@ -1,6 +1,4 @@
-"""The player as one HTML file: states, obstacles, graphs, three.js and the page's own scripts. Nothing comes from a
-network.
-"""
+"""The player as one HTML file: states, obstacles, graphs, three.js, the page's own scripts. It needs no network."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -148,8 +146,7 @@ def _camera(panes: Sequence[Pane]) -> dict:
     seen = []
     for pane in panes:
         steps = np.unique(np.linspace(0, pane.states - 1, FRAMED_STATES).round().astype(int)).tolist()
-        obstacles = pane.run.obstacles if pane.run else ()
-        seen.append(content_of_run([pane.stored], steps, obstacles))
+        seen.append(content_of_run([pane.stored], steps, pane.run.obstacles if pane.run else ()))
     first, dim = panes[0].run, panes[0].stored.rest.shape[1]
     up = upward(first) if first else np.array([0.0, 0.0, 1.0])
     return camera_entry(fitted_camera(np.concatenate(seen), dim, up), up)

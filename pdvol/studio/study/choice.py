@@ -37,8 +37,7 @@ def chosen_point(folder: Path, shot: Shot, accuracy: str, time: str) -> dict:
         raise InputError(f"{folder} has no reference yet; run pdvol study again with a larger --budget")
     points = [*study["points"], study["reference"]["point"]]
     if time:
-        seconds = _amount("--time", time, TIMES)
-        found = most_accurate_within(points, seconds)
+        found = most_accurate_within(points, _amount("--time", time, TIMES))
         if found is None:
             least = min(point["cost"]["cpu"] for point in points)
             raise InputError(f"--time {time}: the cheapest settings in {folder} take {least:.3g} s")

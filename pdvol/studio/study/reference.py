@@ -111,9 +111,8 @@ class ReferenceStates:
 
     def _drift(self, run: Run, level: int, time: float) -> float:
         """[m] largest distance of a body's centre on a level from where level 0 of the same run has it."""
-        bodies = self.level.mesh.point_bodies
         mine, coarsest = (
-            rigid_motions(self.level.rest, self.positions(run, index, time), self.masses, bodies)
+            rigid_motions(self.level.rest, self.positions(run, index, time), self.masses, self.level.mesh.point_bodies)
             for index in (level, 0)
         )
         return float(drift(mine, coarsest)[0].max())

@@ -160,8 +160,7 @@ class Study:
                 self._point(variation, level)
         if variation == self.plan.base and self.plan.last is None:
             cost0 = self.plan.crowding * self.plan.costs[variation][0]
-            allowed = LEVEL_SHARE * self.plan.seconds
-            finest = finest_level(self.shot.scene, run.levels[0].mesh, cost0, allowed)
+            finest = finest_level(self.shot.scene, run.levels[0].mesh, cost0, LEVEL_SHARE * self.plan.seconds)
             self.plan.last = finest if self.asked_last is None else self.asked_last
 
     def _line(self, outcome: Outcome) -> str:

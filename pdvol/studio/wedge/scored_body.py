@@ -95,8 +95,7 @@ class ScoredBody:
     @cached_property
     def vertices(self) -> np.ndarray:
         """(k,) int64: its vertices."""
-        owners = self.level.mesh.point_bodies
-        return np.flatnonzero((owners == self.index) | (self.index < 0))
+        return np.flatnonzero((self.level.mesh.point_bodies == self.index) | (self.index < 0))
 
     @cached_property
     def cells(self) -> np.ndarray:

@@ -167,8 +167,7 @@ class Wedge:
 
     def grouped(self, sort: str = "") -> list[dict[str, Any]]:
         """Number the groups of variations that end alike, `cluster`, -1 where a run is not done; all `ordered`."""
-        labels = clusters(stored_runs(self.out, self.entries))
-        for entry, label in zip(self.entries, labels.tolist(), strict=True):
+        for entry, label in zip(self.entries, clusters(stored_runs(self.out, self.entries)).tolist(), strict=True):
             entry["cluster"] = label
         return ordered(self.entries, sort)
 

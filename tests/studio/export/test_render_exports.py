@@ -160,8 +160,7 @@ def test_a_render_mesh_is_no_part_of_the_simulation(tmp_path):
     states = {file: file.stat().st_mtime_ns for file in path.glob("levels/*/states.bin")}
     for render in ((SEAMS,), (SEAMS, RenderMesh(grown_box(0.2, 0.8, 0.0))), ()):
         pdvol.run(falling(*render), path, resume=True)
-        run = open_run(path)
-        assert len(run.render_meshes) == len(render)
+        assert len(open_run(path).render_meshes) == len(render)
         assert {file: file.stat().st_mtime_ns for file in path.glob("levels/*/states.bin")} == states
     assert falling(SEAMS).bodies[0].instances(Placement())[0].render == (SEAMS,)
 

@@ -96,8 +96,7 @@ def test_a_file_saved_in_pieces_holds_what_one_saved_at_once_holds(solid_run, tm
 def test_a_killed_export_leaves_the_earlier_file_as_it_was(solid_run, tmp_path):
     (file,), _ = export_run(solid_run, "usd", tmp_path, levels=[0])
     earlier = file.read_bytes()
-    ended = in_process(KILLED, solid_run, tmp_path)
-    assert ended.returncode == -signal.SIGKILL
+    assert in_process(KILLED, solid_run, tmp_path).returncode == -signal.SIGKILL
     assert file.read_bytes() == earlier
     (aside,) = set(tmp_path.iterdir()) - {file}
     assert aside.name.startswith(".")
@@ -134,5 +133,4 @@ def test_a_file_that_cannot_grow_is_said_in_one_line(solid_run, tmp_path, monkey
     assert list(tmp_path.iterdir()) == []
     (file,), _ = export_run(solid_run, "usd", tmp_path)  # while the error is kept
     stage = Usd.Stage.Open(str(file))
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/run/bodies/left"))
-    assert len(mesh.GetPointsAttr().GetTimeSamples()) == 5
+    assert len(UsdGeom.Mesh(stage.GetPrimAtPath("/run/bodies/left")).GetPointsAttr().GetTimeSamples()) == 5

@@ -83,8 +83,7 @@ def test_a_take_goes_on_by_hand_from_a_step_of_another(session, folder):
     assert not np.array_equal(stored.levels[0].positions(PLAYED), first.stored.levels[0].positions(PLAYED))
     session.show(first.number)
     assert session.shown is first
-    kept = session.keep("thrown")
-    assert open_run(kept).hand.line(3) == first.stored.hand.line(3)
+    assert open_run(session.keep("thrown")).hand.line(3) == first.stored.hand.line(3)
     with pytest.raises(InputError, match="no take 99"):
         session.show(99)
 

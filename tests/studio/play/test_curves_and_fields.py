@@ -64,8 +64,7 @@ def test_drift_is_the_largest_of_a_body(tmp_path):
 
 
 def test_forces_are_spread_over_the_boundary(tmp_path):
-    run = stored(tmp_path / "run", 3, [lambda X, step: X])
-    level = run.levels[0]
+    level = stored(tmp_path / "run", 3, [lambda X, step: X]).levels[0]
     corners = level.rest[level.surface]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 6
     pushed = np.zeros_like(level.rest)

@@ -38,8 +38,7 @@ def turned(mesh, x, angle, body):
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
-    run = write(tmp_path_factory.mktemp("reference") / "run", lambda mesh, x, t: x)
-    return ReferenceStates(run, 1)
+    return ReferenceStates(write(tmp_path_factory.mktemp("reference") / "run", lambda mesh, x, t: x), 1)
 
 
 def test_a_shift_is_the_error_and_grows_with_time(reference, tmp_path):
@@ -65,8 +64,7 @@ def test_a_turn_is_seen_on_the_body_that_turns_and_makes_another_outcome(referen
 
 
 def test_half_the_time_step_is_compared_at_common_times(reference, tmp_path):
-    fine = write(tmp_path / "fine", lambda mesh, x, t: x, dt=DT / 2)
-    assert reference.errors(fine, 1)["worst"] < 1e-14
+    assert reference.errors(write(tmp_path / "fine", lambda mesh, x, t: x, dt=DT / 2), 1)["worst"] < 1e-14
     solid = write(tmp_path / "solid", lambda mesh, x, t: x, dim=3, counts=(80, 160))
     assert ReferenceStates(solid, 1).errors(solid, 1)["worst"] == 0.0
     odd = write(tmp_path / "odd", lambda mesh, x, t: mesh.points + t, dt=DT * 2 / 3)

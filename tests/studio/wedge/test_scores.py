@@ -112,8 +112,7 @@ def test_quiet_is_the_speed_of_the_last_tenth(tmp_path):
     assert quiet("a")(run) == pytest.approx(-3.0)
     assert quiet("b")(run) == 0.0
     halves = ScoredBody.named(run, None).weights
-    moving = halves[run.levels[0].mesh.point_bodies == 0].sum()
-    assert quiet()(run) == pytest.approx(-3.0 * np.sqrt(moving))
+    assert quiet()(run) == pytest.approx(-3.0 * np.sqrt(halves[run.levels[0].mesh.point_bodies == 0].sum()))
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -146,8 +145,7 @@ def test_meets_bodies_and_obstacles(tmp_path):
     run = made(tmp_path / "run", lambda x, t, body: falling(sliding(x, t, body), t, body))
     assert contact_distance(run) == pytest.approx(DHAT)
     assert meets("a", "ground")(run) == 1.0
-    b = ScoredBody.named(run, "b")
-    assert meets("b", "ground")(run) == pytest.approx(-(0.5 - DHAT) / b.size, abs=0.02)
+    assert meets("b", "ground")(run) == pytest.approx(-(0.5 - DHAT) / ScoredBody.named(run, "b").size, abs=0.02)
     assert meets("a", "b")(run) == pytest.approx(meets("b", "a")(run), rel=1e-12)
     assert -0.3 < meets("a", "b")(run) < 0.0
     with pytest.raises(InputError, match="nothing is called 'c'; there are a, b, ground"):
