@@ -37,10 +37,6 @@ def scene(young=2e4, height=0.02, mu=0.3, steps=10, velocity=(0.3, 0.0), sizes=(
         dt=0.02,
         steps=steps,
     )
-
-
-if __name__ == "__main__":
-    pdvol.main(scene)
 """
 )
 
@@ -60,10 +56,6 @@ def scene(young=2e4, height=0.1, cuts=(1, 2), steps=10, turn=0.3):
         dt=0.02,
         steps=steps,
     )
-
-
-if __name__ == "__main__":
-    pdvol.main(scene)
 """
 """A brick of 12 vertices, then 45, that falls on a floor."""
 

@@ -7,35 +7,11 @@ import numpy as np
 import pytest
 import ufl
 
-from pdvol import (
-    Attachment,
-    Barrier,
-    Flow,
-    Force,
-    Friction,
-    Gravity,
-    Impulse,
-    Keyed,
-    Material,
-    Muscle,
-    NeoHookean,
-    Path,
-)
+import pdvol
+from pdvol import Attachment, Flow, Force, Friction, Gravity, Impulse, Keyed, Material, Muscle, NeoHookean, Path
 from pdvol.errors import InputError
 from pdvol.levels.scene_fields import check_fields
-from pdvol.scene import (
-    PointForce,
-    Posed,
-    Pressure,
-    Pull,
-    Region,
-    Rotation,
-    Separate,
-    Sequential,
-    Support,
-    Translation,
-    moved,
-)
+from pdvol.scene import Posed, Pressure, Pull, Region, Rotation, Separate, Sequential, Support, Translation, moved
 from problems import SOFT, ground, make_scene
 from shapes import box, together
 
@@ -97,7 +73,7 @@ MISTAKES = [
     ("loads", lambda: Force((1.0, 0.0), lambda X: X[:, 0] > 9.0), "Force holds no vertex of level 0"),
     ("loads", lambda: Force((1.0, 0.0), lambda X: X[:, 5]), "`where` failed"),
     ("loads", lambda: Force((1.0, 0.0), body="nobody"), "nobody"),
-    ("loads", lambda: PointForce((1.0, 0.0), (5.0, 5.0)), "far outside"),
+    ("loads", lambda: pdvol.PointForce((1.0, 0.0), (5.0, 5.0)), "far outside"),
     ("loads", lambda: Impulse((1.0, 0.0, 0.0)), "3 components"),
     ("loads", lambda: Impulse((1.0, 0.0), -1.0), "Impulse"),
     ("loads", lambda: Flow(lambda x, t: x[:, 0]), "Flow.velocity must give an array of shape"),
@@ -172,18 +148,10 @@ MISTAKES = [
     ("material", lambda: Takes(1.0), "psi"),
     ("material", lambda: Gives(1.0), "one number"),
     ("material", lambda: Along(1.0, fibre=(1.0, 0.0, 0.0)), "Along.fibre = (1.0, 0.0, 0.0) must have 2 components"),
-    (
-        "material",
-        lambda: Along(1.0, fibre=lambda X: X[:, [0, 1, 0]]),
-        "an array of shape (8,) or (8, 2), not (8, 3)",
-    ),
+    ("material", lambda: Along(1.0, fibre=lambda X: X[:, [0, 1, 0]]), "an array of shape (8,) or (8, 2), not (8, 3)"),
     ("material", lambda: Along(1.0, fibre=lambda X: np.nan * X), "finite"),
     ("material", lambda: Along(1.0, fibre=(1.0, "a")), "Along.fibre = 'a' is not a finite number"),
-    (
-        "material",
-        lambda: Along(1.0, fibre=ufl.as_vector((1.0, 0.0))),
-        "Along.fibre is UFL; give numbers, as (1.0, ",
-    ),
+    ("material", lambda: Along(1.0, fibre=ufl.as_vector((1.0, 0.0))), "Along.fibre is UFL; give numbers, as (1.0, "),
     ("material", lambda: Along(1.0), "Along.psi(F, mu, lmbda, fibre) failed"),
     ("material", lambda: Material(1.0), "must define psi"),
     ("regions", lambda: SOFT, "region"),
@@ -238,7 +206,7 @@ def check(kind, part):
     if kind == "motion":
         moved(part, ONE.points, 0.5, "obstacle 'rock'")
     of_body = {kind: (part,) if kind == "regions" else part} if kind in ("material", "regions", "start") else {}
-    parts = {} if of_body else {kind: (Barrier(), part) if kind == "contact" else (part,)}
+    parts = {} if of_body else {kind: (pdvol.Barrier(), part) if kind == "contact" else (part,)}
     scene = make_scene((SOFT, SOFT), obstacles=ground(2)[:1] if kind == "contact" else (), **parts)
     one, other = scene.bodies
     check_fields(replace(scene, bodies=(replace(one, **of_body), other)), SQUARES, 0)

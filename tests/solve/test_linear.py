@@ -99,9 +99,7 @@ def test_users_options_reach_petsc(options):
     results = []
     for settings in ({"linear": "direct"}, {"linear": "iterative", "petsc": f"{options} -ksp_rtol 1e-10"}):
         scene = make_scene(
-            loads=(weight(3),),
-            supports=(Support(lambda X: X[:, 2] < 1e-9),),
-            solver=Solver(tolerance=1e-8, **settings),
+            loads=(weight(3),), supports=(Support(lambda X: X[:, 2] < 1e-9),), solver=Solver(tolerance=1e-8, **settings)
         )
         problem = make_stepper(scene, box(3, 3))
         X = problem.space.mesh.points

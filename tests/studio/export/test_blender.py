@@ -51,13 +51,7 @@ def in_blender(*arguments) -> dict:
     return json.loads(line.removeprefix("FOUND"))
 
 
-EXPECTED_COLOURS = {
-    "left": PALETTE[0],
-    "right": PALETTE[1],
-    "ground": GROUND,
-    "ball": OBSTACLE,
-    "ball_1": OBSTACLE,
-}
+EXPECTED_COLOURS = {"left": PALETTE[0], "right": PALETTE[1], "ground": GROUND, "ball": OBSTACLE, "ball_1": OBSTACLE}
 
 
 def made_up_fields(run):

@@ -32,10 +32,6 @@ def scene(young=2e5, steps=20):
         dt=0.02,
         steps=steps,
     )
-
-
-if __name__ == "__main__":
-    pdvol.main(scene)
 """
 NEAR = 0.03  # of the bunny's diagonal: how far apart the levels' centres may be
 TIMES = 2  # steps of level 0 between two events of the mouse, so that a slow machine sees the same hand
