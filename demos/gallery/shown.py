@@ -107,7 +107,7 @@ ENTRIES = (
             Variant(
                 "impact",
                 "A hundred times the vertices",
-                {"vertices": (200, 950, 4400, 20000)},
+                {"vertices": (500, 2500, 12500, 55000), "steps": 20},
                 direct=False,
             ),
         ),
