@@ -23,14 +23,17 @@ GO_ON |= dict.fromkeys(("refine", "pick", "wedge", "study"), "the same command g
 """How each verb that simulates goes on after an interrupt."""
 
 
-def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> NoReturn:
-    """The `pdvol` command, which ends the process with an exit code.
+def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> None:
+    """The `pdvol` command, which ends the process with an exit code. A scene file that calls it whenever it is loaded
+    is run once: only its call in the module "__main__" counts.
 
     Parameters
     ----------
     scene : a demo's scene function: `pdvol run` on the file that defines it
     argv : the words after `pdvol`; those of the process when None
     """
+    if scene is not None and argv is None and sys._getframe(1).f_globals.get("__name__") != "__main__":
+        return
     arguments = list(sys.argv[1:] if argv is None else argv)
     if scene is not None:
         arguments = ["run", sys.modules[scene.__module__].__file__ or "", *arguments]

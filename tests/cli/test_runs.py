@@ -79,18 +79,14 @@ def test_preview_and_the_default_folder(tmp_path, scene, whole, monkeypatch):
 
 
 def test_a_scene_file_run_by_python(tmp_path, scene, whole):
-    # What demos end with: the file's own command line.
-    ended = subprocess.run(
-        [sys.executable, scene, "--steps", "2", "--no-picture", "--out", tmp_path / "run"],
-        capture_output=True,
-        text=True,
-        timeout=SAFETY,
-    )
+    # What demos end with, here without `if __name__ == "__main__":`: the file's own command line.
+    file = write(tmp_path / "shot.py", scene.read_text() + "\n\npdvol.main(scene)\n")
+    words = [sys.executable, file, "--steps", "2", "--no-picture", "--out", tmp_path / "run"]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=SAFETY)
     assert ended.returncode == 0, ended.stderr
     assert "Traceback" not in ended.stderr and "states, log.jsonl" in ended.stderr
-    np.testing.assert_array_equal(
-        open_run(tmp_path / "run").levels[1].positions(2), open_run(whole).levels[1].positions(2)
-    )
+    one, other = (open_run(path).levels[1].positions(2) for path in (tmp_path / "run", whole))
+    np.testing.assert_array_equal(one, other)
 
 
 # ---- info, check, hierarchy, render

@@ -7,7 +7,7 @@ import pytest
 import ufl
 from petsc4py import PETSc
 
-from pdvol.errors import ConvergenceError
+from pdvol.errors import ConvergenceError, InputError
 from pdvol.integrate.scripted_motion import MotionParts
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, NeoHookean, Solver, Translation
@@ -211,25 +211,29 @@ def test_an_energy_that_is_not_a_number_in_a_trial_is_a_trial_that_fails():
     assert -1e-3 < report.positions[:, -1].min() < 0.0 and report.backtracks > 0 and report.cuts == 0
 
 
-STRANGE = {
-    "energy is not a number in body 'body 1'$": lambda s: ufl.sqrt(s - 0.1),
-    "gradient is not a number in body 'body 1'$": lambda s: (s - s) ** 0.75,
-    "energy is not a number in body 'body 1' after 1 cuts": lambda s: 1e2 * ufl.sqrt(1e-4 - s),
-}
+AT_REST = "^Strange.psi, or its derivative by F, is NaN or infinite at or near F = I$"
+LATER = "level 0, step 1: the elastic term's energy is not a number in body 'body 1' after 1 cuts"
 
 
-@pytest.mark.parametrize("said", STRANGE)
-def test_the_body_is_named_whose_density_is_not_a_number(said):
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (lambda s: ufl.sqrt(s - 0.1), AT_REST),
+        (lambda s: (s - s) ** 0.75, AT_REST),
+        (lambda s: 1e2 * ufl.sqrt(1e-4 - s), LATER),
+    ],
+)
+def test_the_law_or_the_body_is_named_whose_density_is_not_a_number(more, said):
     """It was taken for that of an inverted cell. The last law ends at a strain up to which the energy falls."""
 
     class Strange(NeoHookean):
         @staticmethod
         def psi(F, mu, lmbda):
-            return NeoHookean.psi(F, mu, lmbda) + STRANGE[said](ufl.inner(F - ufl.Identity(2), F - ufl.Identity(2)))
+            return NeoHookean.psi(F, mu, lmbda) + more(ufl.inner(F - ufl.Identity(2), F - ufl.Identity(2)))
 
     mesh = together(block((0.0, 0.0), (1.0, 1.0), 3), block((2.0, 0.0), (3.0, 1.0), 3))
-    problem = make_stepper(make_scene((NeoHookean(1e5), Strange(1e5)), solver=Solver(max_halvings=1)), mesh)
-    with pytest.raises(ConvergenceError, match=f"level 0, step 1: the elastic term's {said}"):
+    with pytest.raises((ConvergenceError, InputError), match=said):
+        problem = make_stepper(make_scene((NeoHookean(1e5), Strange(1e5)), solver=Solver(max_halvings=1)), mesh)
         take_step(problem, 1, mesh.points, np.outer(mesh.points[:, 0], (10.0, 0.0)))
 
 
