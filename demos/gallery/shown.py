@@ -107,7 +107,7 @@ ENTRIES = (
             Variant(
                 "impact",
                 "A hundred times the vertices",
-                {"vertices": (500, 2500, 12500, 55000), "steps": 20},
+                {"vertices": (150, 700, 3250, 15000)},
                 direct=False,
             ),
         ),
