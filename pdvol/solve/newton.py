@@ -67,6 +67,7 @@ class Newton:
         self.system, self.space, self.potential = system, system.space, system.potential
         self.supported, self.settings = system.supported, system.settings
         self.tolerance, self._dt = system.settings.tolerance, np.inf
+        self._far = LONGEST_DIRECTION * np.linalg.norm(np.ptp(self.space.mesh.points, axis=0))  # [m]
         self.iterated, self._sum = iterated, self.space.reduce
         self._free = self.potential.rows_of_bodies(~self.supported)
         self._vector, self._residual = self.space.create_vector(), self.space.create_vector()
@@ -272,8 +273,8 @@ class Newton:
         the potential ends lower than by as much of the new step as can be taken.
         """
         raw = before = direction = self._direction(step)
-        share, far = 1.0, LONGEST_DIRECTION * np.linalg.norm(np.ptp(self.space.mesh.points, axis=0))
-        predicts = self.potential.contacts and self._speed(raw) * self._dt < far
+        share = 1.0
+        predicts = self.potential.contacts and self._speed(raw) * self._dt < self._far
         for number in range(PREDICTIONS if predicts else 0):
             first, last = number == 0, number + 1 == PREDICTIONS
             change = self.potential.predict(x, direction, first, last)
