@@ -91,7 +91,7 @@ class Elastic(CellEnergy):
                 found = ", ".join(f"{part:z.2f}" for part in along[:, np.abs(stretches).argmax()])
         if worst := max(self.space.comm.allgather(found)):
             raise InputError(
-                f"{material}.psi has no minimum near F = I: it falls on and on along ({worst}); check its terms' signs"
+                f"{material}.psi has no minimum near F = I: it keeps falling along ({worst}); check its terms' signs"
             )
 
     def max_step(

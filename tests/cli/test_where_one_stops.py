@@ -96,8 +96,8 @@ def test_a_law_that_has_no_minimum_or_fails_is_refused(tmp_path, capsys):
             ("", ""),
             ("2.0 * ", ""),
             (f"-0.1 * {FIBRE}", ""),  # falls in large stretches alone
-            ("-", "Law.psi has no minimum near F = I: it falls on and on along ("),
-            (f"-2.0 * {FIBRE}", "Law.psi has no minimum near F = I: it falls on and on along ("),
+            ("-", "Law.psi has no minimum near F = I: it keeps falling along ("),
+            (f"-2.0 * {FIBRE}", "Law.psi has no minimum near F = I: it keeps falling along ("),
             ("(F[0, 0] - 1) ** 0.5 + ", "Law.psi, or its derivative by F, is NaN or infinite at or near F = I"),
             ("mu * nothing + ", "body 'square': Law.psi(F, mu, lmbda) failed: NameError: "),
         ]
