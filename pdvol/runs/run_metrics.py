@@ -154,13 +154,17 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
 
 
 def last_animation(run: Run) -> str | None:
-    """The `animation_line` of the finest level of a run; None unless it and level 0 are finished."""
+    """The `animation_line` of a run's finest level, and how often an embedded one crosses; None unless both levels are
+    finished.
+    """
     level = run.levels[-1]
     if not level.index or run.info["state"] != "done" or run.levels[0].steps < level.steps:
         return None
     masses = lumped_masses(level.mesh, stored_densities(run)[level.index])
     drifts = _drift_of_bodies(run, level, stored_hierarchy(run), masses, 0, level.steps - 1)
-    return animation_line(level, run.info["bodies"], *drifts)
+    crossed = sum(r.get("intersections", 0) > 0 for r in level.log)
+    crosses = f", but surfaces cross in {crossed} of {len(level.log)} steps" if crossed else ""
+    return animation_line(level, run.info["bodies"], *drifts) + crosses
 
 
 def animation_line(level: RunLevel, names: Sequence[str], centres: np.ndarray, angles: np.ndarray) -> str:

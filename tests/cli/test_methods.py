@@ -62,10 +62,10 @@ def test_feedback_brings_levels_together(made):
 def test_embedded_levels_cross_and_it_is_counted(tmp_path, capsys):
     scene = write(tmp_path / "round.py", ROUND)
     assert pdvol("run", scene, "--method", "embedded", "--out", tmp_path / "run") == 0
-    assert "intersections" in capsys.readouterr().err
-    run = open_run(tmp_path / "run")
-    fine = run.levels[1]
-    assert "intersections" not in run.levels[0].log[0]
+    printed = capsys.readouterr().err
+    coarse, fine = open_run(tmp_path / "run").levels
+    assert f"but surfaces cross in {sum(r['intersections'] > 0 for r in fine.log)} of 8 steps" in printed
+    assert "intersections" not in coarse.log[0]
     facets, total = verify.boundary(fine.cells), 0
     for record in fine.log:
         x = fine.positions(record["step"])
