@@ -333,7 +333,8 @@ def what_goes_on_can_be_looked_at_and_cancelled(folder: Path) -> None:
     for end_all in (lambda: bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True), blender.unregister):
         begin(folder, "second", end=240)
         part("BODY", cube(cuts=2), vertices="300")
-        assert bpy.ops.pdvol.preview() == {"FINISHED"} and children()
+        assert bpy.ops.pdvol.preview() == {"FINISHED"}
+        assert any(children() for _ in range(1000))  # a process that begins has no environment for a moment
         end_all()
         assert children() == [] and not tasks.session.busy
 
