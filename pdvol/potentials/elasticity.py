@@ -65,7 +65,7 @@ class Elastic(CellEnergy):
 
     def _require_stable(self, material: str) -> None:
         """Raises InputError where the energy of bodies at rest, or its slope, is not finite, and where a cell's energy
-        falls under a small strain of either sign, and on and on as that grows: no step would have a minimum. Of many
+        falls under a small strain of either sign, and keeps falling as it grows: no step would have a minimum. Of many
         cells a thousand are tried, and those with the extremes of parameters. Collective.
         """
         d, P, at, found = self.space.dim, self._density.parameters(), self._density.c.at, ""
