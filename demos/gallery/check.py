@@ -16,8 +16,8 @@ from pdvol.store.reader import open_run
 
 QUICK = 60.0
 """CPU time [s] of a level up to which it is simulated anew: all runs together then take a quarter of an hour."""
-ITERATIONS = 0.05
-"""Share of the Newton iterations a step, without a unit: round-off and another processor change that many."""
+SCATTER = 0.05
+"""Share of vertices, cells and iterations a step, without a unit: round-off and another processor change that many."""
 MOVED = 0.02
 """Share of a level's size, without a unit: by less, centre and size differ where bodies bounce in another order."""
 
@@ -50,10 +50,10 @@ def _row(entry: Entry, kept: Mapping[str, Any]) -> list[str]:
 
 def _age(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """How a level differs from what is kept of it; empty where it does not."""
-    for name in ("vertices", "cells", "steps"):
-        if kept[name] != now[name]:
+    for name, share in (("vertices", SCATTER), ("cells", SCATTER), ("steps", 0.0)):
+        if abs(kept[name] - now[name]) > share * now[name]:
             return f"{kept[name]:,} instead of {now[name]:,} {name}"
-    if abs(kept["newton"] - now["newton"]) > ITERATIONS * now["newton"]:
+    if abs(kept["newton"] - now["newton"]) > SCATTER * now["newton"]:
         return f"{number(kept['newton'])} instead of {number(now['newton'])} iterations a step"
     before, after = (np.array(level.get("motion", ())) for level in (kept, now))
     if before.shape != after.shape:
