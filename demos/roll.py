@@ -35,7 +35,7 @@ def rolled(points):
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), points[:, 2]])
 
 
-def scene(young=2e5, height=0.03, speed=1.5, lean=8.0, spin=-6.0, mu=0.4, damping=0.01, steps=110, dt=0.01):
+def scene(young=2e5, height=0.03, speed=1.5, lean=8.0, spin=-5.0, mu=0.4, damping=0.01, steps=110, dt=0.01):
     """The roll is thrown down from `height` m at `speed` m/s, leaning by `lean` degrees and turning at `spin` rad/s."""
     return Scene(
         bodies=(
