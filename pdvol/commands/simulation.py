@@ -73,7 +73,7 @@ class Outputs:
 
     def _report(self) -> None:
         from pdvol.runs.run_metrics import last_animation
-        from pdvol.runs.run_summary import held_back_lines, solver_lines
+        from pdvol.runs.run_summary import event_lines, solver_lines
         from pdvol.store.folder import last_write
         from pdvol.store.reader import open_run
 
@@ -86,7 +86,7 @@ class Outputs:
             notes.append(f"{self.out}: all levels have all steps; nothing was left to simulate")
         made = (("level_N.xdmf", options.no_xdmf), ("picture.png", options.no_picture))
         *files, last = ["states", "log.jsonl", *(name for name, left_out in made if not left_out)]
-        lines = [*notes, *held_back_lines(run), f"{self.out}: {', '.join(files)} and {last}", last_animation(run)]
+        lines = [*notes, *event_lines(run), f"{self.out}: {', '.join(files)} and {last}", last_animation(run)]
         print("\n".join(line for line in lines if line is not None), file=sys.stderr)
 
     def _draw(self) -> None:

@@ -168,7 +168,7 @@ def _below(level: int | None, mesh: LevelMesh, plane: Obstacle, bodies: Sequence
         yield Defect(
             IntersectionError(
                 f"{of}{many} at or below {plane.label} {when}, the worst vertex {worst} of body"
-                f" {body!r} by {-height[worst]:.3g} m; lift the body or lower the plane",
+                f" {body!r} by {-height[worst]:.3g} m; lift the body, lower the plane or turn its normal",
                 [(int(v),) for v in below],
                 level or 0,
                 (mesh.point_bodies[worst],),

@@ -50,7 +50,7 @@ def run_summary(run: Run) -> list[str]:
         for mesh in run.render_meshes
     ]
     INTERPOLANTS.check(info["prolongation"])
-    return [*lines, *solver_lines(run), *held_back_lines(run)]
+    return [*lines, *solver_lines(run), *event_lines(run)]
 
 
 def binding_lines(hierarchy: "Hierarchy") -> list[str]:
@@ -77,8 +77,8 @@ def solver_lines(run: Run) -> list[str]:
         raise InputError(f"{run.path / 'run.json'}: solvers is no list of settings; remove it") from error
 
 
-def held_back_lines(run: Run) -> list[str]:
-    """Where contact held scripted motions back, a line per level; empty where all were carried out."""
+def event_lines(run: Run) -> list[str]:
+    """Where contact held scripted motions back, and where springs of attachments broke, a line each per level."""
     lines = []
     for level in run.levels:
         short = [r for r in level.log if r.get("reached", 1.0) < 1.0]
@@ -90,6 +90,10 @@ def held_back_lines(run: Run) -> list[str]:
                 f" first in step {short[0]['step']}; least fraction of a step {least['reached']:.2g} (step"
                 f" {least['step']}), " + (f"{end:.3g} s behind at the end" if end else "caught up at the end")
             )
+        broken = [sum(len(of.get("broken", ())) for of in r.get("terms", {}).values()) for r in level.log]
+        if any(broken):
+            first, last = (level.log[broken.index(count)]["step"] for count in (next(filter(None, broken)), broken[-1]))
+            lines.append(f"level {level.index}: {broken[-1]} springs of attachments broke in steps {first} to {last}")
     return lines
 
 

@@ -63,9 +63,7 @@ def test_nothing_is_crossed_at_the_real_positions(folder, capfd):
 
 
 def test_forces_use_the_real_positions_of_obstacles(folder):
-    """Contact forces are computed with the plate where it really is. At the position in its script the plate would have
-    passed through the block.
-    """
+    """The plate would have passed through the block at the position in its script."""
     run = open_run(folder / "whole")
     level = run.levels[1]
     last = level.log[-1]
