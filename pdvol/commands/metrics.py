@@ -58,21 +58,21 @@ def _means(entry: dict) -> str:
     if "consistency" in s:
         parts.append(_mean(s, "distance", "m", "distance from the level below"))
         parts += [_drift(s, "", "the level below")] + [_drift(s, "_from_0", "level 0")] * (entry["level"] > 1)
-    if "continuity" in s:
-        parts.append(
-            f"continuity {s['continuity']['mean']:.4g} (median {s['continuity']['median']:.4g}, most"
-            f" {s['continuity']['largest']:.3g})"
-        )
-    if "continuity_error" in s:
-        parts.append(_mean(s, "continuity_error", "kg m^2", "continuity error"))
-    if "consistency" in s:
-        parts.append(_mean(s, "consistency", "kg m^2", "consistency"))
-        parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
     if "roughness" in s:
         parts.append(f"roughness {root_mean_square(entry['roughness']):.3g} m")
         parts += ["rougher than level 0"] if entry["rougher"] > ROUGHER else []
     if "jitter" in s:
         parts.append(_mean(s, "jitter", "J", "jitter"))
+    if "consistency" in s:
+        parts.append(_mean(s, "consistency", "kg m^2", "consistency d"))
+        parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
+    if "continuity_error" in s:
+        parts.append(_mean(s, "continuity_error", "kg m^2", "continuity error e"))
+    if "continuity" in s:
+        parts.append(
+            f"continuity n {s['continuity']['mean']:.4g} (median {s['continuity']['median']:.4g}, most"
+            f" {s['continuity']['largest']:.3g})"
+        )
     return ", ".join(parts)
 
 
