@@ -52,7 +52,6 @@ def test_nothing_is_crossed_at_the_real_positions(folder, capfd):
         falls = [8.0 * (last["time"] - last["late"][f"obstacle {i}"]) for i in (0, 1)]
         np.testing.assert_allclose(ram.vertices(0)[0], (0.1, 1.4 - falls[0]), atol=1e-12)
         np.testing.assert_allclose(plate.plane(0)[0], (0.0, 1.2 - falls[1]), atol=1e-12)
-        # On time while nothing was in the way.
         np.testing.assert_allclose(level.placed(run.obstacles, 1)[1].plane(1)[0], (0.0, 1.2 - 8.0 * 0.02), atol=1e-12)
     # Where the script has the plate by now it would have gone through the block.
     assert run.obstacles[1].plane(10)[0][1] < 0.0
