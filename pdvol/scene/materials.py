@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from inspect import ismethod
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,7 @@ class Material(Element):
     damping: Value = 0.0
 
     def __post_init__(self) -> None:
+        require(not ismethod(self.psi), f"{self._named('psi')} must be a @staticmethod, as psi(F, mu, lmbda)")
         for field in fields(self):
             label, value = self._named(field.name), plain(getattr(self, field.name))
             object.__setattr__(self, field.name, value)

@@ -108,6 +108,8 @@ def test_a_law_that_has_no_minimum_or_fails_is_refused(tmp_path, capsys):
         assert f": {said}" in printed and "at rest" not in printed
         with pytest.raises(InputError, match=re.escape(said)) if said else nullcontext():
             list(march(load_shot(scene).scene))
+    scene = write(tmp_path / "bound.py", LAW.format(sign="").replace("    @staticmethod\n", ""))
+    assert pdvol("check", scene) == 2 and "Law.psi must be a @staticmethod" in capsys.readouterr().err
 
 
 def test_a_stress_at_rest_and_an_unusual_size_are_noted(tmp_path, capsys):
