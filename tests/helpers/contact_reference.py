@@ -247,13 +247,13 @@ def check_slide(space, candidates, start, end, tolerance=1e-6, parts=200, sectio
         smooth = abs(other[1] - one[1]) <= 0.02 * steepest
         if off <= 1e-3 * tolerance * largest and smooth:
             unexplained += off
+            assert unexplained <= tolerance * largest
             continue
         if b - a < 2.0**-sections:
             assert off <= 1e-3 * tolerance * largest, f"the energy jumps by {off / largest:.1e} at {a:.12f}"
             assert smooth, f"the slope jumps by {abs(other[1] - one[1]) / steepest:.1e} of the steepest at {a:.12f}"
         m = 0.5 * (a + b)
         pending += [(a, m, one, middle), (m, b, middle, other)]
-    assert unexplained <= tolerance * largest
     return np.array([energy for energy, _ in found])
 
 
