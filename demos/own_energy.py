@@ -71,7 +71,7 @@ def simulate(steps=STEPS, comm=MPI.COMM_WORLD):
             # No further than contact allows, and until the energy falls. It is NaN where a cell is inverted.
             start, before, length = u.x.array.copy(), energy(), contact.max_step(u, du)
             u.x.array[:] = start + length * du.x.array
-            while not energy() <= before + 1e-12 * abs(before):
+            while length > 1e-9 and not energy() <= before + 1e-12 * abs(before):
                 length /= 2
                 u.x.array[:] = start + length * du.x.array
         else:
