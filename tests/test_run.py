@@ -34,6 +34,7 @@ def run(*args, inside=True, env=None, **options):
 def test_status_arguments_streams_environment_and_folder_are_passed_on(tmp_path):
     for status in (0, 7):
         assert run("sh", "-c", f"exit {status}").returncode == status
+    assert run("--help").stdout.startswith("./run COMMAND [ARG ...]: ")
     died = run(sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     assert died.returncode == -signal.SIGKILL
     words = ["a b", 'it\'s "quoted"', "two\nlines", "", "*", "$HOME", "--", "-x", "ü"]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol run`."""
     add(parser, "--levels")
+    parser.add_argument("--to", dest="levels", default=SUPPRESS, type="0:{}".format, metavar="L", help="levels 0 to L")
     parser.add_argument(
         "--method", default="progressive", choices=METHODS, help="how finer levels are made (default: progressive)"
     )

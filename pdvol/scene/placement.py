@@ -32,8 +32,7 @@ class Placement(Element):
     def __call__(self, points: np.ndarray) -> np.ndarray:
         dim = points.shape[1]
         moved = self.scale * points @ rotation_matrix(self.angle, self.axis, dim).T
-        size = len(self.translate)
-        if size == 0:
+        if not (size := len(self.translate)):
             return moved
         require(size == dim, f"Placement.translate has {size} components in a {dim}D scene")
         return moved + np.asarray(self.translate, dtype=float)

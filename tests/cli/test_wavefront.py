@@ -56,7 +56,7 @@ def test_levels_are_side_by_side_by_choice(scene, one_after_the_other, tmp_path,
     monkeypatch.setattr(runner, "side_by_side", lambda *given: not asked.append(given))
     march = runner.march_levels
     monkeypatch.setattr(runner, "march_levels", lambda *given: marched.append(list(given[1])) or march(*given))
-    assert pdvol("run", scene, "--out", tmp_path / "chosen", "--levels", "0:1", "--no-picture") == 0
+    assert pdvol("run", scene, "--out", tmp_path / "chosen", "--to", "1", "--no-picture") == 0
     assert marched == [[0, 1]]
     assert asked == [([len(level.mesh.points) for level in open_run(tmp_path / "chosen").levels], [15] * 2)]
     for level in (0, 1):
