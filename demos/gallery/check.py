@@ -21,7 +21,7 @@ SCATTER = 0.05
 MOVED = 0.02
 """Share of a level's size, without a unit: by less, centre and size differ where bodies bounce in another order."""
 REMESHED = 3.0
-"""Factor of these shares where another processor made a level's mesh otherwise, which changed 8 % of the iterations."""
+"""Factor of these shares, without a unit, where cells differ: meshes of another processor changed iterations by 8 %."""
 
 
 def table_of_ages(entries: Sequence[Entry], pages: Path) -> tuple[str, int]:

@@ -154,8 +154,8 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
 
 
 def last_animation(run: Run) -> str | None:
-    """The `animation_line` of a run's finest level, and how often an embedded one crosses; None unless both levels are
-    finished.
+    """The `animation_line` of a run's finest level, and how often an embedded one crosses; None unless it and
+    level 0 are finished.
     """
     level = run.levels[-1]
     if not level.index or run.info["state"] != "done" or run.levels[0].steps < level.steps:

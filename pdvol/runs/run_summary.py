@@ -90,10 +90,9 @@ def event_lines(run: Run) -> list[str]:
                 f" first in step {short[0]['step']}; least fraction of a step {least['reached']:.2g} (step"
                 f" {least['step']}), " + (f"{end:.3g} s behind at the end" if end else "caught up at the end")
             )
-        broken = [sum(len(of.get("broken", ())) for of in r.get("terms", {}).values()) for r in level.log]
-        if any(broken):
-            first, last = (level.log[broken.index(count)]["step"] for count in (next(filter(None, broken)), broken[-1]))
-            lines.append(f"level {level.index}: {broken[-1]} springs of attachments broke in steps {first} to {last}")
+        broken = [0, *(sum(len(of.get("broken", ())) for of in r.get("terms", {}).values()) for r in level.log)]
+        if at := [r["step"] for r, (before, now) in zip(level.log, pairwise(broken), strict=True) if now > before]:
+            lines.append(f"level {level.index}: {broken[-1]} springs of attachments broke in steps {at[0]} to {at[-1]}")
     return lines
 
 

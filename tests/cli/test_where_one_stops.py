@@ -96,6 +96,8 @@ def test_a_law_that_has_no_minimum_or_fails_is_refused(tmp_path, capsys):
             ("", ""),
             ("2.0 * ", ""),
             (f"-0.1 * {FIBRE}", ""),  # falls in large stretches alone
+            ("mu * (F[0, 0] - 1) ** 2 * (F[0, 0] - 2) ** 2 + ", ""),  # has a second minimum
+            ("StVenantKirchhoff.psi(F, mu, lmbda) + 0.0 * ", ""),
             ("-", "Law.psi has no minimum near F = I: it keeps falling along ("),
             (f"-2.0 * {FIBRE}", "Law.psi has no minimum near F = I: it keeps falling along ("),
             ("(F[0, 0] - 1) ** 0.5 + ", "Law.psi, or its derivative by F, is NaN or infinite at or near F = I"),
